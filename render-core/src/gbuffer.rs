@@ -53,6 +53,20 @@ pub struct PixelSurface {
 }
 
 impl PixelSurface {
+    /// Black background without a direction.
+    pub const EMPTY: Self = Self {
+        position: [0.0; 3],
+        geometric_normal: [0.0; 3],
+        shading_normal: [0.0; 3],
+        albedo: [0.0; 3],
+        specular: [0.0; 3],
+        roughness: 1.0,
+        emission: [0.0; 3],
+        depth: f32::INFINITY,
+        instance: NOTHING,
+        triangle: 0,
+    };
+
     /// Returns whether the diffuse base reflects light.
     #[must_use]
     pub fn reflects(&self) -> bool {
@@ -119,7 +133,7 @@ impl GBuffer {
 
     /// Traces a ray through this sample of every pixel of a picture of `size` = (width, height) \[pixels\].
     pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
-        let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, EMPTY));
+        let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, PixelSurface::EMPTY));
         let camera = Camera { shown: &shown, view, sample };
         let layered = Timed::of(|busy| camera.trace(&mut pixels, busy));
         layered.map(|layered| Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) })
@@ -147,7 +161,7 @@ impl GBuffer {
         let traced = share_each(ranks, &blocks, 1, || (), trace);
 
         // Assemble the macroblocks of all ranks.
-        let mut pixels = Plane::filled(width, height, EMPTY);
+        let mut pixels = Plane::filled(width, height, PixelSurface::EMPTY);
         let mut layered = Vec::new();
         for (block, traced) in traced.value.into_iter().enumerate() {
             let (left, top) = corner(block);
@@ -196,19 +210,6 @@ impl GBuffer {
         Some((p + (q - p) * u + (r - p) * v, turned * side))
     }
 }
-
-const EMPTY: PixelSurface = PixelSurface {
-    position: [0.0; 3],
-    geometric_normal: [0.0; 3],
-    shading_normal: [0.0; 3],
-    albedo: [0.0; 3],
-    specular: [0.0; 3],
-    roughness: 1.0,
-    emission: [0.0; 3],
-    depth: f32::INFINITY,
-    instance: NOTHING,
-    triangle: 0,
-};
 
 /// Upper left corners of a macroblock's packets, relative to the macroblock \[pixels\].
 const PACKET_CORNERS: [(usize, usize); 4] = [(0, 0), (PACKET_SIDE, 0), (0, PACKET_SIDE), (PACKET_SIDE, PACKET_SIDE)];
@@ -278,7 +279,7 @@ impl Camera<'_> {
     fn macroblock(&self, (left, top): (usize, usize), (width, height): (usize, usize)) -> MacroblockSurfaces {
         // Trace four packets. Packets at the border of the picture are smaller.
         let (columns, rows) = (MACROBLOCK.min(width - left), MACROBLOCK.min(height - top));
-        let mut traced = MacroblockSurfaces { pixels: vec![EMPTY; columns * rows], layered: Vec::new() };
+        let mut traced = MacroblockSurfaces { pixels: vec![PixelSurface::EMPTY; columns * rows], layered: Vec::new() };
         for (x0, y0) in PACKET_CORNERS {
             let places = packet_places().map(|(x, y)| (x0 + x, y0 + y)).filter(|&(x, y)| x < columns && y < rows);
             self.see_together(places.map(|(x, y)| (left + x, top + y)), |(x, y), pixel, layers| {
@@ -352,7 +353,7 @@ fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) 
     // Return the sky if no surface is visible. Its position is a direction.
     let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
         let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
-        return PixelSurface { position: direction.into(), emission: sky.into(), ..EMPTY };
+        return PixelSurface { position: direction.into(), emission: sky.into(), ..PixelSurface::EMPTY };
     };
     PixelSurface {
         position: surface.position.into(),

@@ -14,7 +14,7 @@ impl GBuffer {
     /// [`reproject`](Self::reproject) also checks whether the point is visible in the other picture.
     #[must_use]
     pub fn motion_to(&self, surfaces: &Surfaces, view: &View) -> Plane<Option<[f32; 2]>> {
-        let other = Self::placed(Plane::filled(0, 0, super::EMPTY), surfaces, view);
+        let other = Self::placed(Plane::filled(0, 0, super::PixelSurface::EMPTY), surfaces, view);
         let carry: Vec<Affine3A> = self.carry_to(&other);
         Plane::from_fn(self.pixels.width(), self.pixels.height(), |x, y| {
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);

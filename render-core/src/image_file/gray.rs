@@ -1,8 +1,8 @@
 //! Gray images of data from 0 to 1, such as maps of importance.
 
-use super::ImageFileError;
 #[cfg(feature = "textures")]
 use super::check_size;
+use super::{ImageFileError, readable_ending};
 use plane::Plane;
 use std::path::Path;
 
@@ -34,17 +34,7 @@ pub fn decode_gray(path: &Path, bytes: &[u8]) -> Result<Plane<f32>, ImageFileErr
 
 /// Decodes a gray image with any values.
 fn decode(path: &Path, bytes: &[u8]) -> Result<Plane<f32>, ImageFileError> {
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    // Name the missing feature for a known format that this build does not read.
-    let needed = match ending.as_str() {
-        "png" if !cfg!(feature = "textures") => Some("textures"),
-        "exr" if !cfg!(feature = "exr") => Some("exr"),
-        _ => None,
-    };
-    if let Some(feature) = needed {
-        return Err(ImageFileError::LeftOut { path: path.into(), ending, feature });
-    }
-    match (ending.as_str(), bytes) {
+    match (readable_ending(path)?.as_str(), bytes) {
         #[cfg(feature = "textures")]
         ("png", bytes) => decode_png(path, bytes),
         #[cfg(feature = "exr")]

@@ -29,22 +29,29 @@ const MOST_PIXELS: usize = 1 << 27;
 /// The extension is unknown, this build does not support the format, or the file cannot be read. The message names the
 /// path.
 pub fn read_radiance(path: &Path) -> Result<Plane<Vec3>, ImageFileError> {
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    // Name the missing feature for a known format that this build does not read.
-    let needed = match ending.as_str() {
-        "exr" if !cfg!(feature = "exr") => Some("exr"),
-        "hdr" if !cfg!(feature = "textures") => Some("textures"),
-        _ => None,
-    };
-    if let Some(feature) = needed {
-        return Err(ImageFileError::LeftOut { path: path.into(), ending, feature });
-    }
-    match ending.as_str() {
+    match readable_ending(path)?.as_str() {
         #[cfg(feature = "exr")]
         "exr" => read_exr(path),
         #[cfg(feature = "textures")]
         "hdr" => read_hdr(path),
         _ => Err(ImageFileError::UnknownEnding { path: path.into() }),
+    }
+}
+
+/// Returns the extension of a path in lower case.
+///
+/// # Errors
+/// The extension is a known format that this build does not read; the message names the missing feature.
+fn readable_ending(path: &Path) -> Result<String, ImageFileError> {
+    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let needed = match ending.as_str() {
+        "exr" if !cfg!(feature = "exr") => Some("exr"),
+        "hdr" | "png" if !cfg!(feature = "textures") => Some("textures"),
+        _ => None,
+    };
+    match needed {
+        Some(feature) => Err(ImageFileError::LeftOut { path: path.into(), ending, feature }),
+        None => Ok(ending),
     }
 }
 

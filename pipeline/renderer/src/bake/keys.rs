@@ -98,7 +98,7 @@ impl KeyedWork<'_> {
         let mut loops = BakeLoops::new(run)?;
         let baked = BakedScene::new(self.scene, self.settings, self.texels)?;
 
-        // Bake the keys. The time between keys is about as much work as one more key.
+        // Bake the keys. The time between two keys counts as one more key in the progress.
         let (duration, intervals) = (self.scene.duration(), self.keys - 1);
         let time_of = |key: f32| duration * key / intervals as f32;
         let done = Cell::new(0);
@@ -116,9 +116,11 @@ impl KeyedWork<'_> {
         for key in 0..self.keys {
             let time = time_of(key as f32);
             let bake = bake_at(time, Extent::Whole)?;
+            if key == 0 {
+                first = Some(bake.clone());
+            }
             times.push(time);
-            lights.push(Arc::new(bake.texels.clone()));
-            first.get_or_insert(bake);
+            lights.push(Arc::new(bake.texels));
         }
         let light = BakedLight::new(times, lights).expect("key times are ascending, and all keys have the same texels");
 

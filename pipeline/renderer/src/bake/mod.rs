@@ -1,7 +1,8 @@
 //! Baked light: the light of static surfaces, computed once and sampled by films.
 //!
-//! [`bake`] computes the light of an atlas's texels, and [`bake_keys`] that of moving lamps. [`read`] loads it for a film of the same scene.
-//! [`export`] paints the light into a copy of the scene. [`view`] creates a page that shows the scene in a browser.
+//! [`bake`] computes the light of an atlas's texels, and [`bake_keys`] that of moving lamps. [`read`] loads it for a film
+//! of the same scene. [`export`] paints the light into a copy of the scene. [`view`] creates a page that shows the scene
+//! in a browser.
 
 mod blocks;
 mod coats;
@@ -64,8 +65,7 @@ pub struct NarrowCharts {
 }
 
 /// Computes the light of about `texels` texels on the static surfaces of `scene`, or of as many as [`Atlas::automatic`]
-/// chooses if `texels` is `None`. `progress` is called with the work done
-/// and the total work. Equal scenes and settings produce equal bits for any number of threads and ranks. Returns `None`
+/// chooses if `texels` is `None`. `progress` is called with the work done and the total work. Equal scenes and settings produce equal bits for any number of threads and ranks. Returns `None`
 /// if the `run` was stopped.
 ///
 /// # Errors

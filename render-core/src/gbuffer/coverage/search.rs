@@ -7,7 +7,7 @@ use super::SurfaceFragment;
 use super::borrow::{Lender, around, shows};
 use crate::accel::{Hit, PACKET};
 use crate::gbuffer::layers::{Layer, Shown as ShownScene};
-use crate::gbuffer::{CameraRay, EMPTY, GBuffer, NOTHING, PixelSurface, first_hits, see};
+use crate::gbuffer::{CameraRay, GBuffer, NOTHING, PixelSurface, first_hits, see};
 use crate::sampling::centered_sobol;
 use crate::{Busy, MACROBLOCK, PosedScene};
 use glam::{Vec2, Vec3};
@@ -296,13 +296,13 @@ impl<'a> Area<'a> {
         let distances = seen.view.distances(ray.direction);
         let point = hit.and_then(|hit| ray.shown_within(distances, scene, hit, |_| 0.0));
         // Most rays need only the surface, its position and its emission.
-        let surface = point.as_ref().map_or(EMPTY, |(hit, point)| PixelSurface {
+        let surface = point.as_ref().map_or(PixelSurface::EMPTY, |(hit, point)| PixelSurface {
             position: point.position.into(),
             geometric_normal: point.geometric_normal.into(),
             emission: point.emission().into(),
             instance: hit.instance,
             triangle: hit.triangle,
-            ..EMPTY
+            ..PixelSurface::EMPTY
         });
 
         // Use the light of a center that shows the surface, otherwise borrow light.

@@ -35,7 +35,7 @@ const SAME_SHADOW: f32 = 0.2;
 /// Minimum cosine between the normals of adjacent texels that are not live, about 14°.
 const SAME_NORMAL: f32 = 0.97;
 
-/// LampShape of the light from a point.
+/// Directions and falloff of the light from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum LampShape {
     /// Lambertian disc of a squared radius \[m²\].

@@ -33,13 +33,11 @@ mod sparks;
 #[cfg(feature = "bake")]
 mod texel;
 
-use super::layer::{Layer, Lit, Visible};
+use super::layer::{KnownLight, Layer, Lit, Visible};
 use super::macroblock::{by_macroblock, places};
 use super::tolerance::Tolerance;
 #[cfg(feature = "bake")]
 use crate::BAKED_ROUGHNESS;
-#[cfg(feature = "bake")]
-use crate::texels::BakedTexels;
 use coated::{Coated, Points};
 use glam::{Vec2, Vec3};
 use lighttree::Scratch;
@@ -73,30 +71,30 @@ pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
 #[derive(Default)]
 pub(super) struct Coats;
 
-/// Baked light of static coats. Light sources are not in that light.
-#[cfg(feature = "bake")]
-type BakedCoats<'a> = Option<&'a BakedTexels>;
-#[cfg(not(feature = "bake"))]
-type BakedCoats<'a> = Option<&'a ()>;
-
 /// Returns a pixel's light if it is baked; `None` if the pixel needs reflection rays.
 #[cfg(feature = "bake")]
-fn looked_up(baked: BakedCoats, reflections: &mut Reflections, coated: &Coated, pixel: &PixelSurface) -> Option<Lobe> {
-    let texels = baked.filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?;
+fn looked_up(
+    known: Option<&dyn KnownLight>,
+    reflections: &mut Reflections,
+    coated: &Coated,
+    pixel: &PixelSurface,
+) -> Option<Lobe> {
+    // Add light sources, which are not in the baked light.
+    let texels = known.filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?.texels();
     let light = texels.coat_at(pixel, &reflections.prepared.surfaces, coated.middle().into())?;
     Some(Lobe::without_rays(reflections.sources(coated) + coated.albedo() * light))
 }
 
 #[cfg(not(feature = "bake"))]
-fn looked_up(_: BakedCoats, _: &mut Reflections, _: &Coated, _: &PixelSurface) -> Option<Lobe> {
+fn looked_up(_: Option<&dyn KnownLight>, _: &mut Reflections, _: &Coated, _: &PixelSurface) -> Option<Lobe> {
     None
 }
 
 /// Returns a pixel's baked light, or the light from the pixel's own rays. A pixel without a coat has no light.
-fn own_lobe(baked: BakedCoats, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
+fn own_lobe(known: Option<&dyn KnownLight>, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Lobe {
     let Some(coated) = coated(reflections, seen, x, y) else { return Lobe::default() };
     let pixel = seen.pixels.get(x, y);
-    looked_up(baked, reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, x, y))
+    looked_up(known, reflections, &coated, &pixel).unwrap_or_else(|| own_rays(reflections, &coated, x, y))
 }
 
 impl Layer for Coats {
@@ -108,10 +106,6 @@ impl Layer for Coats {
         let of_known =
             visible.known.map(|light| move |hit: &Hit, surface: &Surface| Some(light.irradiance(hit, surface)));
         let known = of_known.as_ref().map(|irradiance| irradiance as KnownIrradiance);
-        #[cfg(feature = "bake")]
-        let baked = visible.known.map(|known| known.texels());
-        #[cfg(not(feature = "bake"))]
-        let baked = None;
 
         // Trace a few rays for each pixel.
         let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
@@ -119,7 +113,7 @@ impl Layer for Coats {
             let mut lobes = Vec::with_capacity(columns.len() * rows.len());
             for (x, y) in places(columns, rows) {
                 lobes.push(if is_wanted(x, y) {
-                    own_lobe(baked, &mut reflections, seen, x, y)
+                    own_lobe(visible.known, &mut reflections, seen, x, y)
                 } else {
                     Lobe::default()
                 });

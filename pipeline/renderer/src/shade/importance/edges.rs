@@ -73,21 +73,15 @@ mod tests {
     fn floor(x: f32, height: f32) -> PixelSurface {
         let normal = [0.0, 0.0, 1.0];
         let [position, albedo] = [[x, 0.0, height], [0.5; 3]];
-        PixelSurface { position, geometric_normal: normal, shading_normal: normal, albedo, instance: 3, ..NO_PIXEL }
+        PixelSurface {
+            position,
+            geometric_normal: normal,
+            shading_normal: normal,
+            albedo,
+            instance: 3,
+            ..PixelSurface::EMPTY
+        }
     }
-
-    const NO_PIXEL: PixelSurface = PixelSurface {
-        position: [0.0; 3],
-        geometric_normal: [0.0; 3],
-        shading_normal: [0.0; 3],
-        albedo: [0.0; 3],
-        specular: [0.0; 3],
-        roughness: 1.0,
-        emission: [0.0; 3],
-        depth: 1.0,
-        instance: NOTHING,
-        triangle: 0,
-    };
 
     #[test]
     fn edges_are_outlines_creases_steps_and_textures() {
@@ -99,15 +93,15 @@ mod tests {
             ("a ramp of 14°", floor(1.0, 0.25), 0.0),
             ("a step of 45°", floor(1.0, 1.0), 1.0),
             ("a wall", wall, 1.0),
-            ("the background", NO_PIXEL, 1.0),
+            ("the background", PixelSurface::EMPTY, 1.0),
             ("half of the albedo", black, 1.0 / 3.0),
         ] {
             for (one, other) in [(&first, &other), (&other, &first)] {
                 assert!((edge_between(one, other) - edge).abs() < 1e-6, "{name}");
             }
         }
-        let sky = |y: f32| PixelSurface { emission: [y; 3], ..NO_PIXEL };
+        let sky = |y: f32| PixelSurface { emission: [y; 3], ..PixelSurface::EMPTY };
         assert_eq!(edge_between(&sky(1.0), &sky(3.0)), 0.5);
-        assert_eq!(edge_between(&NO_PIXEL, &NO_PIXEL), 0.0);
+        assert_eq!(edge_between(&PixelSurface::EMPTY, &PixelSurface::EMPTY), 0.0);
     }
 }
