@@ -9,7 +9,7 @@ use renderer::bake::{self, BakeRun, KeyedResolution};
 use renderer::texels::BakedTexels;
 use serde_json::json;
 use std::path::Path;
-use tests::{Moving, assert_fails, checkered_room, load, render2mpeg};
+use tests::{Glb, Moving, assert_fails, checkered_room, load, render2mpeg};
 
 /// Path of the lamp in [`room`].
 const WAY: [Vec3; 2] = [vec3(-0.6, 0.0, 0.0), vec3(0.6, 0.0, 0.0)];
@@ -23,22 +23,21 @@ fn room(path: &Path) {
     room.write(path);
 }
 
-/// Writes a room with a point light at `place`, or one that moves along [`WAY`]. Such lamps have no texels.
-fn room_with_point(path: &Path, place: Option<Vec3>) {
+/// Returns a room with a point light at `place` above the floor, and the node of the light. Such lamps have no texels.
+fn room_with_point(place: Vec3) -> (Glb, usize) {
     let mut room = checkered_room(Moving::Nothing);
     let lights = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point", "intensity": 12000 }] } });
     (room.json["extensions"], room.json["extensionsUsed"]) = (lights, json!(["KHR_lights_punctual"]));
     let nodes = room.json["nodes"].as_array_mut().expect("a list");
     let node = nodes.len();
-    let [x, y, z] = (place.unwrap_or_default() + Vec3::Y * 2.0).to_array();
+    let [x, y, z] = (place + UP).to_array();
     nodes.push(json!({ "translation": [x, y, z], "extensions": { "KHR_lights_punctual": { "light": 0 } } }));
     room.json["scenes"][0]["nodes"].as_array_mut().expect("a list").push(json!(node));
-    if place.is_none() {
-        let [from, to] = WAY.map(|end| end + Vec3::Y * 2.0);
-        room.animate(node, from, to);
-    }
-    room.write(path);
+    (room, node)
 }
+
+/// Height of the point light over the floor.
+const UP: Vec3 = vec3(0.0, 2.0, 0.0);
 
 /// Returns the mean difference of two lights' indirect irradiance, relative to the mean of the second.
 fn difference(one: &BakedTexels, other: &BakedTexels) -> f32 {
@@ -61,7 +60,9 @@ fn options() -> Options {
 fn keys_are_bakes_of_static_lamps() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.glb");
-    room_with_point(&path, None);
+    let (mut moving, node) = room_with_point(WAY[0]);
+    moving.animate(node, WAY[0] + UP, WAY[1] + UP);
+    moving.write(&path);
     let (scene, settings) = load(&path, options());
     let resolution = KeyedResolution { texels: Some(TEXELS), keys: 5 };
     let baked = bake::bake_keys(&scene, &settings.render, resolution, &BakeRun::alone(), &|_, _| ());
@@ -70,7 +71,7 @@ fn keys_are_bakes_of_static_lamps() {
     assert!(baked.error < 0.02, "{}", baked.error);
     for (time, most) in [(0.0, 0.002), (0.75, 0.002), (0.6, 0.03)] {
         let still = folder.path().join("still.glb");
-        room_with_point(&still, Some(WAY[0].lerp(WAY[1], time)));
+        room_with_point(WAY[0].lerp(WAY[1], time)).0.write(&still);
         let (scene, settings) = load(&still, options());
         let bake = bake::bake(&scene, &settings.render, TEXELS, &BakeRun::alone(), &|_, _| ());
         let still = bake.expect("the scene can be baked").expect("it was not stopped").texels;
@@ -113,13 +114,27 @@ fn keys_that_are_too_far_apart_are_refused() {
     let (folder, path) = (folder.path(), folder.path().join("room.glb"));
     room(&path);
     let bake = ["bake", "room.glb", "--texels=2000", "--vpls=300", "--photons=20000"];
-    assert_fails(folder, &[&bake[..], &["--keys=2"]].concat(), &["--keys 2", "0.00 s", "1.00 s", "use --keys"]);
+    assert_fails(folder, &[&bake[..], &["--keys=2"]].concat(), &["--keys 2", "at 0.50 s", "use --keys"]);
     assert!(!folder.join("room.slf").exists(), "nothing is written");
     assert_fails(folder, &bake, &["lamp moves", "--keys"]);
     let plan = render2mpeg(folder, &["plan", "room.glb"]).stdout;
     assert!(plan.contains("a lamp moves, so the light can be baked at key times"), "{plan}");
 
     // A static scene has no use for keys.
-    room_with_point(&folder.join("still.glb"), Some(Vec3::ZERO));
+    room_with_point(Vec3::ZERO).0.write(&folder.join("still.glb"));
     assert_fails(folder, &["bake", "still.glb", "--keys=5"], &["--keys", "no lamp", "moves"]);
+}
+
+/// A lamp is elsewhere for a moment between two key times, at which it is at equal places.
+#[test]
+fn flashes_between_keys_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (mut room, node) = room_with_point(WAY[0]);
+    let [home, away] = WAY.map(|end| end + UP);
+    room.animate_in_steps(node, &[(0.0, home), (0.56, away), (0.58, home), (1.0, home)]);
+    room.write(&folder.join("room.glb"));
+    let bake = ["bake", "room.glb", "--texels=2000", "--vpls=300", "--photons=20000", "--keys=5"];
+    assert_fails(folder, &bake, &["--keys 5", "at 0.5", "flash"]);
+    assert!(!folder.join("room.slf").exists(), "nothing is written");
 }

@@ -1,14 +1,16 @@
 //! Bakes of moving lamps: light at key times, between which films interpolate.
 //!
-//! Key times are evenly spaced over the scene's animation. One more time is baked to measure the error e of the
-//! interpolation: the middle of the interval in which the light changes most. As e decreases with the square of the
-//! interval, the message about a large error contains a sufficient number of keys.
+//! Key times are evenly spaced over the scene's animation. Further times are baked to measure the error e of the
+//! interpolation: the middle of the interval in which the light changes most, and the time at which the lamps deviate most
+//! from interpolated lamps (`roughest.rs`). For smooth motion, e decreases with the square of the interval, so the
+//! message about a large error contains a number of keys.
 //!
 //! ```text
 //! e = Σ |Y(E) − Y(E_interpolated)| / Σ Y(E)        over all texels; Y is luminance
 //! ```
 
 use super::loops::{BakeLoops, BakeRun, LoopEnd};
+use super::roughest::roughest;
 use super::{Bake, BakedScene, Extent, stored};
 use crate::baked_light::BakedLight;
 use crate::plan::lamp_moves;
@@ -32,7 +34,7 @@ pub struct KeyedBake {
     pub light: BakedLight,
     /// Light and statistics of the first key.
     pub first: Bake,
-    /// Error e of the interpolation in the interval in which the light changes most.
+    /// Largest measured error e of the interpolation.
     pub error: f32,
 }
 
@@ -98,7 +100,7 @@ impl KeyedWork<'_> {
         let mut loops = BakeLoops::new(run)?;
         let baked = BakedScene::new(self.scene, self.settings, self.texels)?;
 
-        // Bake the keys. The time between two keys counts as one more key in the progress.
+        // Bake the keys. The two further times count as keys in the progress.
         let (duration, intervals) = (self.scene.duration(), self.keys - 1);
         let time_of = |key: f32| duration * key / intervals as f32;
         let done = Cell::new(0);
@@ -106,7 +108,7 @@ impl KeyedWork<'_> {
             let before = done.get();
             let bake = baked.light_at(time, extent, &mut loops, &|now, all| {
                 done.set(before + now);
-                progress(before + now, all * (self.keys as usize + 1));
+                progress(before + now, all * (self.keys as usize + 2));
             });
             done.set(before + bake.as_ref().map_or(0, |bake| bake.work));
             bake
@@ -124,31 +126,30 @@ impl KeyedWork<'_> {
         }
         let light = BakedLight::new(times, lights).expect("key times are ascending, and all keys have the same texels");
 
-        // Compare the interpolated light with one more time.
+        // Compare the interpolated light with the middle of the largest change, and with the roughest time of the lamps.
         let change = |key: u32| difference(&light.keys()[key as usize], &light.keys()[key as usize + 1]).0;
         let most = (0..intervals).max_by(|&a, &b| change(a).total_cmp(&change(b)).then(b.cmp(&a))).unwrap_or_default();
-        let middle = time_of(most as f32 + 0.5);
-        let found = bake_at(middle, Extent::Matte)?.texels;
-        let (wrong, whole) = difference(&light.at(middle), &found);
-        let error = if whole > 0.0 { (wrong / whole) as f32 } else { 0.0 };
-        if error > MOST_ERROR {
-            return Err(self.too_few_keys(error, most).into());
+        let mut error = 0.0f32;
+        for time in [Some(time_of(most as f32 + 0.5)), roughest(self.scene, light.times())].into_iter().flatten() {
+            let found = bake_at(time, Extent::Matte)?.texels;
+            let (wrong, whole) = difference(&light.at(time), &found);
+            error = error.max(if whole > 0.0 { (wrong / whole) as f32 } else { 0.0 });
+            if error > MOST_ERROR {
+                return Err(self.too_few_keys(error, time).into());
+            }
         }
         let first = first.expect("there are at least two keys");
         Ok(KeyedBake { light, first, error })
     }
 
-    /// Returns the error of keys that are too far apart.
-    fn too_few_keys(&self, error: f32, interval: u32) -> Error {
+    /// Returns the error of keys that are too far apart for the light at a `time` \[s\].
+    fn too_few_keys(&self, error: f32, time: f32) -> Error {
         let intervals = (self.keys - 1) as f32 * (error / MOST_ERROR).sqrt();
-        let enough = intervals.ceil() as u32 + 1;
-        let step = self.scene.duration() / (self.keys - 1) as f32;
-        let (begin, end) = (step * interval as f32, step * (interval + 1) as f32);
+        let (enough, percent) = (intervals.ceil() as u32 + 1, 100.0 * error);
         Error::Options(format!(
-            "--keys {}: between {begin:.2} s and {end:.2} s, interpolated light differs by {:.1} % from the light; use \
-             --keys {enough}",
-            self.keys,
-            100.0 * error
+            "--keys {}: at {time:.2} s, interpolated light differs by {percent:.1} % from the light; use --keys {enough}, \
+             or no baked light if lamps flash",
+            self.keys
         ))
     }
 }

@@ -15,6 +15,7 @@ mod keys;
 mod light;
 mod loops;
 mod normals;
+mod roughest;
 mod seams;
 mod stored;
 pub mod view;
