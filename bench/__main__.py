@@ -1,4 +1,4 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf|fidelity [--quick|--full] [options].
 
 Quick, the default, takes five minutes on two processors and reports the reliability of its figures.
 Full makes the tables of the documentation; for bits, larger films.
@@ -14,6 +14,7 @@ import coupling
 import encoders
 import error
 import features
+import fidelity
 import gltf
 import importance
 import joints
@@ -32,6 +33,7 @@ MEASUREMENTS = {
     "joints": joints,
     "rates": rates,
     "gltf": gltf,
+    "fidelity": fidelity,
 }
 
 
