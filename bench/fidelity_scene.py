@@ -41,7 +41,7 @@ NOT_IN_HOLD_OUT = (
     "KHR_materials_diffuse_transmission",
     "KHR_materials_volume",
 )
-# Tone curve of three.js's ACESFilmicToneMapping [Hill], with matrices for row vectors.
+# Tone curve of three.js's ACESFilmicToneMapping (docs/REFERENCES.md), with matrices for row vectors.
 EXPOSURE = 1 / 0.6
 ACES_INPUT = np.array([[0.59719, 0.07600, 0.02840], [0.35458, 0.90834, 0.13383], [0.04823, 0.01566, 0.83777]])
 ACES_OUTPUT = np.array([[1.60475, -0.10208, -0.00327], [-0.53108, 1.10813, -0.07276], [-0.07367, -0.00605, 1.07602]])
