@@ -48,7 +48,7 @@ TITLES = {CYCLES: "Cycles", **PATH_TRACERS, **RASTERIZERS}
 GOLDEN_WIDTH = 512
 # Scenes with metal, roughness, textures and normal maps only.
 PLAIN = ["DamagedHelmet", "Avocado", "Duck", "Suzanne", "BoomBoxWithAxes", "CesiumMilkTruck", "EnvironmentTest"]
-QUICK = {"only": PLAIN, "width": 256, "spp": 16}
+QUICK = {"only": PLAIN, "width": 512, "spp": 16}
 FULL = {"only": [], "width": 768, "spp": 256}
 
 
@@ -57,7 +57,7 @@ def add_options(parser):
     parser.add_argument("sources", type=Path, help="folder of the git clones")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="scenes, with or without khronos- [default: seven; full: all]")
     parser.add_argument("--all", action="store_true", help="all scenes, also in a quick measurement")
-    parser.add_argument("--width", type=int, help="width of our pictures in pixels [default: 256; full: 768]")
+    parser.add_argument("--width", type=int, help="width of our pictures in pixels [default: 512; full: 768]")
     parser.add_argument("--spp", type=int, help="paths per pixel [default: 16; full: 256]")
     parser.add_argument("--denoise", action="store_true", help="apply OIDN, as Cycles' goldens do")
     parser.add_argument("--still", action="store_true", help="render with the film's renderer instead of the path tracer")
@@ -213,7 +213,8 @@ class Sheet:
             if cell is not None:
                 self.page.paste(self.thumbnail(cell), (x + k * self.SIDE, y + self.HEAD))
         own = tables.figure(result["to_goldens"].get(CYCLES), ".3f")
-        title = f"{short(name)}: ours {own}, Cycles, {TITLES.get(third, 'none')}; {verdict(result)}"
+        titles = [f"{short(name)}: ours {own.replace('–', '-')}", "Cycles", TITLES.get(third, "none")]
+        title = ", ".join(titles) + "; " + verdict(result).replace("–", "no verdict")
         ImageDraw.Draw(self.page).text((x + 2, y + 2), title, "black")
         self.count += 1
 
