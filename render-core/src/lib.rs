@@ -10,6 +10,7 @@ mod anchor;
 mod atlas;
 mod bsdf;
 pub mod cache;
+mod clear;
 mod environment;
 mod gather;
 mod gbuffer;
@@ -33,7 +34,7 @@ pub use anchor::{Anchor, AnchorSpread, Anchors, DynamicAnchor, Moved, ZoneSearch
 pub use atlas::{
     Atlas, AtlasError, AtlasPoint, FinePoint, FineTexels, SeamPoint, SeamSide, TexelBlend, TexelEstimate, TexelSite,
 };
-pub use bsdf::{Bsdf, BsdfSample};
+pub use bsdf::{Bsdf, BsdfSample, GlassLobe, SurfaceLobes};
 pub use environment::{Environment, SkySample};
 pub use gather::{FinalGather, GatherDirections, Gathered};
 pub use gbuffer::{

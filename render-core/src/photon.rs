@@ -10,6 +10,7 @@
 
 mod aims;
 mod boxes;
+mod glass;
 mod guide;
 mod path;
 mod quanta;

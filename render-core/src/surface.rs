@@ -1,6 +1,7 @@
 //! Evaluation of hits: position, normals, color and emission of surfaces.
 
 mod interaction;
+mod lobes;
 mod normal_map;
 mod paint;
 mod site;
@@ -10,12 +11,13 @@ pub use paint::Paint;
 use site::Footprint;
 
 use crate::accel::Hit;
+use crate::bsdf::SurfaceLobes;
 use crate::scene::{DeformedMesh, Material, Mesh, Pose, Scene, normal_matrix};
 use glam::{Affine3A, Mat3A, Vec3, Vec3A, Vec4};
 use std::sync::Arc;
 
 /// Point on a surface.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Surface {
     /// Position in world space \[m\].
     pub position: Vec3A,
@@ -35,6 +37,8 @@ pub struct Surface {
     pub front: bool,
     /// Whether the material reflects on both sides.
     pub double_sided: bool,
+    /// Lobes of material extensions; `None` for plain materials. Then albedo and coat describe the whole surface.
+    pub lobes: Option<Box<SurfaceLobes>>,
 }
 
 /// Scene at one time, with the data for evaluating hits.
@@ -98,6 +102,18 @@ impl<'a> Surfaces<'a> {
         Interaction::new(self, hit, direction, |direction, normal| Footprint::disk(direction, normal, width))
     }
 
+    /// Returns the hit of a ray from `origin` at a known `position` on a triangle, both in world space \[m\].
+    #[must_use]
+    pub fn hit_at(&self, instance: u32, triangle: u32, position: Vec3A, origin: Vec3A) -> Hit {
+        let [a, b, c] = self.corners(instance as usize, triangle as usize);
+        let (ab, ac, at) = (b - a, c - a, position - a);
+        // Barycentric weights are fractions of the triangle's area, measured along its normal.
+        let area = ab.cross(ac);
+        let whole = area.length_squared().max(f32::MIN_POSITIVE);
+        let (u, v) = (at.cross(ac).dot(area) / whole, ab.cross(at).dot(area) / whole);
+        Hit { distance: position.distance(origin), instance, triangle, u, v }
+    }
+
     /// Returns whether a ray in the unit `direction` hit the front, as the file defines it.
     #[must_use]
     pub fn is_front(&self, hit: &Hit, direction: Vec3A) -> bool {
@@ -108,6 +124,17 @@ impl<'a> Surfaces<'a> {
     #[must_use]
     pub fn is_back(&self, hit: &Hit, direction: Vec3A) -> bool {
         self.meet(hit, direction, 0.0).is_back()
+    }
+
+    /// Returns whether light may pass straight through some surfaces: clear thin walls.
+    pub(crate) fn has_clear_walls(&self) -> bool {
+        (0..self.world.len()).any(|instance| self.may_be_clear(instance as u32))
+    }
+
+    /// Returns whether an instance may be a clear thin wall.
+    pub(crate) fn may_be_clear(&self, instance: u32) -> bool {
+        let lobes = self.material(instance as usize).lobes.as_ref();
+        lobes.is_some_and(|lobes| lobes.transmission.factor > 0.0 && lobes.transmission.volume.is_none())
     }
 
     fn mesh(&self, instance: usize) -> &'a Mesh {

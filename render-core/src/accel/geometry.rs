@@ -6,6 +6,7 @@
 
 use super::cut_outs::CutOuts;
 use super::group::Group;
+use super::panes::Panes;
 use super::sharing::Sharing;
 use super::ties::AllSides;
 use super::triangles::Owner;
@@ -26,6 +27,8 @@ pub struct Geometry {
     subsets: Vec<Subset>,
     /// Opacity of all instances with holes.
     cut_outs: Option<Arc<CutOuts>>,
+    /// Transmittance of all transparent instances.
+    panes: Option<Arc<Panes>>,
     sides: Arc<AllSides>,
     scale: f32,
 }
@@ -46,6 +49,13 @@ enum Subset {
     /// Instance with a tree that is rebuilt for each pose. `node` is the parent node, or `None` if a skin positions the
     /// instance.
     Deforming { instance: usize, node: Option<usize> },
+}
+
+/// Ways of rays through the triangles of a tree.
+#[derive(Clone, Default)]
+struct Openings {
+    cut_outs: Option<Arc<CutOuts>>,
+    panes: Option<Arc<Panes>>,
 }
 
 /// Triangles that are collected for a tree.
@@ -72,7 +82,8 @@ impl Soup {
     /// Builds the tree, or returns `None` if there are no triangles. Drops triangles that duplicate an earlier
     /// triangle: rays would test the duplicate but never hit it. Keeps duplicates if `cut_outs` exist, because the
     /// earlier triangle may have a hole. Also keeps duplicates with different `sides`.
-    fn group(mut self, params: BvhBuildParams, cut_outs: Option<Arc<CutOuts>>, sides: &AllSides) -> Option<Arc<Group>> {
+    fn group(mut self, params: BvhBuildParams, openings: Openings, sides: &AllSides) -> Option<Arc<Group>> {
+        let Openings { cut_outs, panes } = openings;
         if cut_outs.is_none() {
             let is_copy = copies(&self.triangles, |index| sides.code(self.owners[index].instance));
             let mut place = is_copy.iter();
@@ -80,7 +91,8 @@ impl Soup {
             let mut place = is_copy.iter();
             self.owners.retain(|_| place.next() == Some(&false));
         }
-        (!self.triangles.is_empty()).then(|| Arc::new(Group::new(&self.triangles, self.owners, params, cut_outs)))
+        let build = || Group::new(&self.triangles, self.owners, params, cut_outs).with_panes(panes);
+        (!self.triangles.is_empty()).then(|| Arc::new(build()))
     }
 }
 
@@ -117,6 +129,14 @@ fn corners<'a>(mesh: &'a Mesh, pose: &'a Pose, instance: usize) -> impl Iterator
     mesh.triangles.iter().map(|triangle| triangle.map(|vertex| positions[vertex as usize]))
 }
 
+/// Returns the ways of rays through an instance.
+fn openings(cut_outs: &Option<Arc<CutOuts>>, panes: &Option<Arc<Panes>>, instance: usize) -> Openings {
+    Openings {
+        cut_outs: cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance)),
+        panes: panes.clone().filter(|panes| panes.has_pane(instance)),
+    }
+}
+
 impl Geometry {
     /// Builds the trees of all rigid geometry in `scene`. Each instance under a moving node has a separate placement.
     pub fn new(scene: &Scene) -> Self {
@@ -127,7 +147,8 @@ impl Geometry {
         let extent = if extent > 0.0 && extent.is_finite() { extent } else { 64.0 };
         let scale = (64.0 / extent).log2().ceil().exp2();
         let cut_outs = CutOuts::new(scene, &pose, extent).map(Arc::new);
-        let holes_of = |instance| cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(instance));
+        let panes = Panes::new(scene).map(Arc::new);
+        let openings_of = |instance| openings(&cut_outs, &panes, instance);
         let (sharing, sides) = (Sharing::of(scene, &pose), AllSides::new(scene, &pose));
         // Cache the tree of each mesh in its local space, or `None` for a mesh without triangles.
         let mut of_mesh: HashMap<usize, Option<Arc<Group>>> = HashMap::new();
@@ -135,14 +156,14 @@ impl Geometry {
             let build = || {
                 let mut own = Soup::default();
                 own.add(index, &Affine3A::IDENTITY, corners(&scene.meshes[mesh], &pose, index));
-                own.group(QUALITY, holes_of(index), &sides)
+                own.group(QUALITY, openings_of(index), &sides)
             };
             // Build a tree per deformed instance, because a skin or morph weights deform each instance differently.
             if pose.deformed(index).is_some() { build() } else { of_mesh.entry(mesh).or_insert_with(build).clone() }
         };
 
-        // Collect static triangles in three common trees: opaque surfaces, masks and blended surfaces.
-        let [mut whole, mut masked, mut blended] = [(); 3].map(|()| Soup::default());
+        // Collect static triangles in four common trees: opaque surfaces, glass, masks and blended surfaces.
+        let [mut whole, mut glass, mut masked, mut blended] = [(); 4].map(|()| Soup::default());
         let mut subsets = Vec::new();
         for (index, &Instance { mesh, .. }) in scene.instances.iter().enumerate() {
             // Assign each instance to a separate tree, a shared tree or a common tree.
@@ -157,7 +178,9 @@ impl Geometry {
                 let placed = own_tree(index, mesh).and_then(|group| PlacedGroup::attached(group, index, to_tree));
                 subsets.extend(placed.map(Subset::Fixed));
             } else {
-                let soup = match holes_of(index) {
+                let own = openings_of(index);
+                let soup = match own.cut_outs {
+                    None if own.panes.is_some() => &mut glass,
                     None => &mut whole,
                     Some(holes) if holes.is_blended(index) => &mut blended,
                     Some(_) => &mut masked,
@@ -166,10 +189,12 @@ impl Geometry {
             }
         }
         // Build the common trees from the collected triangles.
-        let fixed = [(whole, None), (masked, cut_outs.clone()), (blended, cut_outs.clone())];
-        let fixed = fixed.into_iter().filter_map(|(soup, holes)| soup.group(QUALITY, holes, &sides));
+        let holes = || Openings { cut_outs: cut_outs.clone(), panes: None };
+        let transparent = Openings { cut_outs: None, panes: panes.clone() };
+        let fixed = [(whole, Openings::default()), (glass, transparent), (masked, holes()), (blended, holes())];
+        let fixed = fixed.into_iter().filter_map(|(soup, openings)| soup.group(QUALITY, openings, &sides));
         subsets.extend(fixed.map(|group| Subset::Fixed(PlacedGroup::in_world(group))));
-        Self { subsets, cut_outs, sides: Arc::new(sides), scale }
+        Self { subsets, cut_outs, panes, sides: Arc::new(sides), scale }
     }
 
     /// Returns the number of triangles in the trees of `scene` at the first frame, without building them. A mesh shared
@@ -222,8 +247,8 @@ impl Geometry {
                 let to_tree = node.map_or(scaling, |node| scaling * pose.world[node]);
                 let mut own = Soup::default();
                 own.add(*instance, &to_tree, (0..bent.triangles.len()).map(|t| bent.corners(t)));
-                let holes = cut_outs.clone().filter(|cut_outs| cut_outs.has_holes(*instance));
-                own.group(BvhBuildParams::fast_build(), holes, &self.sides).map(PlacedGroup::in_world)
+                let openings = openings(&cut_outs, &self.panes, *instance);
+                own.group(BvhBuildParams::fast_build(), openings, &self.sides).map(PlacedGroup::in_world)
             }
         };
         let groups: Vec<PlacedGroup> = self.subsets.iter().filter_map(placed).collect();

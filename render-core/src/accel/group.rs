@@ -1,6 +1,7 @@
 //! Tree of triangles with a common transform, and the intersection of rays with these triangles.
 
 use super::cut_outs::{CutOuts, Sheets};
+use super::panes::Panes;
 use super::ray::Ray;
 use super::reach::Reach;
 use super::tree::{Costs, Tree, Visit};
@@ -28,6 +29,8 @@ pub(super) struct Group {
     pub(super) bounds: Aabb,
     /// Opacity of the triangles, or `None` if all of them are opaque.
     pub(super) cut_outs: Option<Arc<CutOuts>>,
+    /// Transmittance of the triangles for shadow rays, or `None` if light passes none of them. Other rays stop at them.
+    pub(super) panes: Option<Arc<Panes>>,
     /// Whether all triangles belong to blended surfaces. A group contains either blended surfaces only, or none.
     pub(super) is_blended: bool,
 }
@@ -133,14 +136,25 @@ impl Group {
         // Treat the group as blended only if every triangle is.
         let blends = |cut_outs: &Arc<CutOuts>| owners.iter().all(|owner| cut_outs.is_blended(owner.instance as usize));
         let is_blended = cut_outs.as_ref().is_some_and(blends);
-        Self { tree, blocks, owners, bounds, cut_outs, is_blended }
+        Self { tree, blocks, owners, bounds, cut_outs, panes: None, is_blended }
+    }
+
+    /// Returns the group as transparent surfaces.
+    pub(super) fn with_panes(self, panes: Option<Arc<Panes>>) -> Self {
+        Self { panes, ..self }
+    }
+
+    /// Returns whether shadow rays may pass some triangles partially.
+    pub(super) fn passes_light(&self) -> bool {
+        self.is_blended || self.panes.is_some()
     }
 
     /// Returns the group with different holes.
     pub(super) fn with_cut_outs(&self, cut_outs: Arc<CutOuts>) -> Self {
-        let Self { tree, blocks, owners, bounds, is_blended, .. } = self;
+        let Self { tree, blocks, owners, bounds, panes, is_blended, .. } = self;
         let (tree, blocks, owners) = (tree.clone(), blocks.clone(), owners.clone());
-        Self { tree, blocks, owners, bounds: *bounds, cut_outs: Some(cut_outs), is_blended: *is_blended }
+        let panes = panes.clone();
+        Self { tree, blocks, owners, bounds: *bounds, cut_outs: Some(cut_outs), panes, is_blended: *is_blended }
     }
 
     /// Returns the triangles of a leaf with the given `content`.

@@ -15,6 +15,7 @@ mod found;
 mod geometry;
 mod group;
 mod packet;
+mod panes;
 mod query;
 mod ray;
 mod reach;

@@ -6,28 +6,32 @@
 //! wᵢ = αᵢ Π_{j<i} (1 − αⱼ)        fraction of the pixel that layer i fills, front to back
 //! T  = Π (1 − αᵢ)                 fraction of a light that arrives
 //! ```
+//! Shadow rays also pass transparent surfaces (`panes.rs`), which all other rays hit.
 
 use super::cut_outs::Sheets;
 use super::group::{Group, Met};
 use super::ray::Ray;
 use super::reach::Reach;
 use super::tree::Visit;
+use super::triangles::Owner;
 use super::{Accelerator, Hit, PlacedGroup};
+use crate::luminance;
 use crate::sampling::hash_unit;
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 use lanes::{Kernel, Lanes};
 
 /// Accelerators of subsets of a scene with sheets, each with a top-level tree over its groups.
 #[derive(Debug)]
 pub(super) struct Views {
-    /// Accelerators of the groups without holes and of the groups with holes.
-    solid: [Accelerator; 2],
-    /// Accelerators of opaque surfaces with masks, and of blended surfaces. `None` without blended surfaces.
+    /// Accelerators of the groups without holes and of the groups with holes. `None` without holes.
+    solid: Option<[Accelerator; 2]>,
+    /// Accelerators of opaque surfaces with masks, and of blended and transparent surfaces. `None` without surfaces that
+    /// pass light.
     blends: Option<[Accelerator; 2]>,
 }
 
 impl Views {
-    /// Splits the groups of a scene, or returns `None` if it has no sheets. `build` creates the accelerator of a
+    /// Splits the groups of a scene, or returns `None` if it has neither sheets nor transparent surfaces. `build` creates the accelerator of a
     /// subset.
     pub fn of(groups: &[PlacedGroup], build: impl Fn(Vec<PlacedGroup>, Sheets) -> Accelerator) -> Option<Self> {
         // Build an accelerator of each subset of the groups.
@@ -36,16 +40,17 @@ impl Views {
             build(groups.cloned().collect(), sheets)
         };
         let has = |is: fn(&Group) -> bool| groups.iter().any(|placed| is(&placed.group));
-        has(|group| group.cut_outs.is_some()).then(|| Self {
-            solid: [
+        let solid = has(|group| group.cut_outs.is_some()).then(|| {
+            [
                 part(|group| group.cut_outs.is_none(), Sheets::ByChance),
                 part(|group| group.cut_outs.is_some(), Sheets::ByChance),
-            ],
-            blends: has(|group| group.is_blended).then(|| {
-                let opaque = part(|group| !group.is_blended, Sheets::ByChance);
-                [opaque, part(|group| group.is_blended, Sheets::AsWholes)]
-            }),
-        })
+            ]
+        });
+        let blends = has(Group::passes_light).then(|| {
+            let opaque = part(|group| !group.passes_light(), Sheets::ByChance);
+            [opaque, part(Group::passes_light, Sheets::AsWholes)]
+        });
+        (solid.is_some() || blends.is_some()).then_some(Self { solid, blends })
     }
 }
 
@@ -79,7 +84,7 @@ impl Accelerator {
     /// Returns the scene without its sheets and the sheets alone, or `None` if the scene has no sheets. The scene
     /// without sheets stops rays only at fully opaque surfaces.
     pub(crate) fn without_sheets(&self) -> Option<&[Self; 2]> {
-        self.views.as_ref().map(|views| &views.solid)
+        self.views.as_ref()?.solid.as_ref()
     }
 
     /// Returns the sheets along the ray from `origin` in the unit direction `direction` up to `distance` \[m\], front
@@ -111,13 +116,14 @@ impl Accelerator {
         layers
     }
 
-    /// Returns the fraction of light that blended surfaces transmit from `origin` up to `limit` lengths of `direction`,
-    /// in the scaled world.
-    fn transmitted(&self, origin: Vec3A, direction: Vec3A, limit: f32) -> f32 {
+    /// Returns the fraction of light that blended and transparent surfaces transmit from `origin` up to `limit` lengths of
+    /// `direction`, in the scaled world, linear RGB.
+    fn transmitted(&self, origin: Vec3A, direction: Vec3A, limit: f32) -> Vec3 {
         let mut met = self.lanes.run(Listing { scene: self, origin, direction, limit, kind: SheetKind::Blended });
         let length = direction.length().max(f32::MIN_POSITIVE);
         sort(&mut met, Reach::from(origin).of_length(length));
-        met.iter().map(|passed| 1.0 - passed.opacity).product()
+        let surfaces: Vec3 = met.iter().fold(Vec3::ONE, |left, passed| left * passed.through);
+        if surfaces == Vec3::ZERO { surfaces } else { surfaces * volumes(&met, limit, length / self.scale) }
     }
 }
 
@@ -145,23 +151,24 @@ impl<'a> Shadows<'a> {
         self.apart.map(|[_, blends]| blends)
     }
 
-    /// Returns the fraction of light from `from` that blended surfaces transmit to `to`, 0…1. Ignores opaque surfaces.
-    pub fn passed(&self, from: Vec3A, to: Vec3A) -> f32 {
+    /// Returns the fraction of light from `from` that blended and transparent surfaces transmit to `to`, linear RGB.
+    /// Ignores opaque surfaces.
+    pub fn passed(&self, from: Vec3A, to: Vec3A) -> Vec3 {
         let Accelerator { scale, .. } = *self.scene;
-        self.blends().map_or(1.0, |blends| blends.transmitted(from * scale, (to - from) * scale, 1.0))
+        self.blends().map_or(Vec3::ONE, |blends| blends.transmitted(from * scale, (to - from) * scale, 1.0))
     }
 
-    /// Returns the fraction of light from `from` that arrives at `to`, 0…1.
-    pub fn visible(&self, from: Vec3A, to: Vec3A) -> f32 {
-        if self.opaque().occluded(from, to) { 0.0 } else { self.passed(from, to) }
+    /// Returns the fraction of light from `from` that arrives at `to`, linear RGB.
+    pub fn visible(&self, from: Vec3A, to: Vec3A) -> Vec3 {
+        if self.opaque().occluded(from, to) { Vec3::ZERO } else { self.passed(from, to) }
     }
 
-    /// Returns the fraction of light from infinity in the unit direction `towards` that arrives at `from`, 0…1.
-    pub fn visible_towards(&self, from: Vec3A, towards: Vec3A) -> f32 {
+    /// Returns the fraction of light from infinity in the unit direction `towards` that arrives at `from`, linear RGB.
+    pub fn visible_towards(&self, from: Vec3A, towards: Vec3A) -> Vec3 {
         if self.opaque().occluded_towards(from, towards) {
-            return 0.0;
+            return Vec3::ZERO;
         }
-        self.blends().map_or(1.0, |blends| blends.transmitted(from * blends.scale, towards, f32::MAX))
+        self.blends().map_or(Vec3::ONE, |blends| blends.transmitted(from * blends.scale, towards, f32::MAX))
     }
 }
 
@@ -202,7 +209,7 @@ impl Accelerator {
             while partly != 0 {
                 let end = partly.trailing_zeros() as usize;
                 partly &= partly - 1;
-                hidden |= u64::from(shadows.passed(from, to[end]) <= number_of(lamp(end))) << end;
+                hidden |= u64::from(luminance(shadows.passed(from, to[end])) <= number_of(lamp(end))) << end;
             }
         }
         hidden
@@ -220,7 +227,7 @@ fn number_of(place: Vec3A) -> f32 {
 enum SheetKind {
     /// Lists all sheets visible to a camera ray. Opacity is filtered over the ray's cone, in the scaled world.
     Shown(RayCone),
-    /// Lists blended surfaces. Opacity is sampled at points.
+    /// Lists blended and transparent surfaces. Opacity is sampled at points.
     Blended,
 }
 
@@ -230,6 +237,42 @@ struct Passed {
     place: usize,
     instance: u32,
     opacity: f32,
+    /// Fraction of light that passes the surface, linear RGB.
+    through: Vec3,
+    /// Crossing of a volume's surface; `None` for all other surfaces.
+    crossing: Option<Crossing>,
+}
+
+/// Crossing of the surface of a transparent volume.
+#[derive(Clone, Copy)]
+struct Crossing {
+    /// Attenuation coefficient of the volume \[1/m\].
+    attenuation: Vec3,
+    /// Whether the ray leaves the volume.
+    leaves: bool,
+}
+
+/// Returns the fraction of light that volumes transmit along a ray, given the surfaces on it in order. `limit` is the end
+/// of the ray, and `unit` is the length of the ray's direction \[m\].
+fn volumes(met: &[Passed], limit: f32, unit: f32) -> Vec3 {
+    let mut depth = Vec3::ZERO;
+    let mut entered: Vec<&Passed> = Vec::new();
+    for passed in met {
+        let Some(Crossing { attenuation, leaves }) = passed.crossing else { continue };
+        if !leaves {
+            entered.push(passed);
+            continue;
+        }
+        // Without an entry, the ray starts inside.
+        let place = entered.iter().rposition(|entry| entry.instance == passed.instance);
+        let from = place.map_or(0.0, |place| entered.remove(place).met.t);
+        depth += attenuation * (passed.met.t - from);
+    }
+    // The ray ends inside the volumes that it has not left.
+    for entry in entered.iter().filter(|_| limit < f32::MAX) {
+        depth += entry.crossing.map_or(Vec3::ZERO, |crossing| crossing.attenuation) * (limit - entry.met.t);
+    }
+    (depth * -unit).exp().min(Vec3::ONE)
 }
 
 /// Sorts by distance. Keeps one of several hits of the same instance at the same distance, because triangles share
@@ -271,18 +314,45 @@ struct SheetGroups<'a> {
     passed: Vec<Passed>,
 }
 
+impl Listing<'_> {
+    /// Returns the surface of transparent geometry that a ray passes. The triangle has these `corners` in the local space
+    /// of the group at index `place`.
+    fn pane(&self, owner: Owner, met: Met, place: usize, corners: [Vec3A; 3]) -> Option<Passed> {
+        let placed = &self.scene.groups[place];
+        let panes = placed.group.panes.as_ref()?;
+        let [a, b, c] = placed.world_corners(corners);
+        let normal = (b - a).cross(c - a);
+        let direction = self.direction;
+        let cos = normal.normalize_or_zero().dot(direction.normalize_or_zero());
+        // A mirroring transform reverses the corners.
+        let mirrored = placed.to_world.is_some_and(|world| world.matrix3.determinant() < 0.0);
+        let crossing = panes
+            .attenuation(owner.instance)
+            .map(|attenuation| Crossing { attenuation, leaves: (cos > 0.0) != mirrored });
+        let through = panes.transmittance(owner, [met.u, met.v], cos.abs().min(1.0));
+        Some(Passed { met, place, instance: owner.instance, opacity: 1.0 - luminance(through), through, crossing })
+    }
+}
+
 impl Visit for SheetGroups<'_> {
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
         let Listing { scene, origin, direction, kind, .. } = self.listing;
         let place = content as usize;
         let placed = &scene.groups[place];
-        let Some(cut_outs) = &placed.group.cut_outs else { return limit };
+        if placed.group.cut_outs.is_none() && placed.group.panes.is_none() {
+            return limit;
+        }
         let (from, along) = placed.local(origin, direction);
         let mut nearest = limit;
         placed.group.each_within(lanes, &Ray::new(from, along), limit, |leaf, lane, met| {
             let owner = placed.group.owner(met.triangle, placed.instance);
             let at = [met.u, met.v];
+            let Some(cut_outs) = &placed.group.cut_outs else {
+                let passed = self.listing.pane(owner, met, place, leaf.corners(lane));
+                self.passed.extend(passed);
+                return nearest;
+            };
             // Filter opacity over the cone for camera rays; sample it for shadow rays.
             let opacity = match kind {
                 SheetKind::Blended => cut_outs.blended_opacity(owner, at),
@@ -295,7 +365,8 @@ impl Visit for SheetGroups<'_> {
             };
             if opacity >= LEAST_SHARE {
                 let instance = owner.instance;
-                self.passed.push(Passed { met, place, instance, opacity });
+                let through = Vec3::splat(1.0 - opacity);
+                self.passed.push(Passed { met, place, instance, opacity, through, crossing: None });
             }
             // Skip surfaces behind an opaque surface.
             if opacity > 1.0 - LEAST_SHARE {

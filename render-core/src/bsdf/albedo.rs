@@ -1,11 +1,16 @@
 //! Directional albedo of the coat by angle and roughness, the basis of energy conservation.
 
 #[cfg(test)]
-use super::ggx::{Ggx, grazing_share};
+use super::ggx::Ggx;
 #[cfg(test)]
 use crate::sampling::hammersley;
 use glam::Vec3;
 use std::sync::LazyLock;
+
+/// Returns (1 − cos θ)⁵, the weight of the grazing reflectance in F = F₀ + (F₉₀ − F₀)(1 − cos θ)⁵ \[Schlick94\].
+pub(super) fn grazing_share(cos: f32) -> f32 {
+    (1.0 - cos).clamp(0.0, 1.0).powi(5)
+}
 
 /// Directional albedo of single scattering, split along Schlick's Fresnel term:
 /// albedo(F₀) = F₀·facing + (1 − F₀)·grazing.
@@ -18,9 +23,9 @@ pub(super) struct Albedo {
 }
 
 impl Albedo {
-    /// Returns the albedo for a reflectance of `f0` at normal incidence.
-    pub(super) fn with(self, f0: Vec3) -> Vec3 {
-        f0 * (self.facing - self.grazing) + Vec3::splat(self.grazing)
+    /// Returns the albedo for a reflectance of `f0` at normal incidence and `f90` at grazing incidence.
+    pub(super) fn with(self, f0: Vec3, f90: f32) -> Vec3 {
+        f0 * (self.facing - self.grazing) + Vec3::splat(f90 * self.grazing)
     }
 
     fn lerp(self, other: Self, t: f32) -> Self {

@@ -182,7 +182,7 @@ impl DirectLights {
             let hidden = tile.hidden_from(anchor.position, active, None);
             for (i, sum) in sums.iter_mut().enumerate() {
                 if hidden >> i & 1 == 0 {
-                    let passed = if active >> i & 1 == 1 { tile.passed(anchor.position, i) } else { 1.0 };
+                    let passed = if active >> i & 1 == 1 { tile.passed(anchor.position, i) } else { Vec3::ONE };
                     *sum += *intensity * terms[i] * passed;
                 }
             }

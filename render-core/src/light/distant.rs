@@ -135,7 +135,7 @@ impl Sampled for DistantDisc {
                 let e = given(towards);
                 if e != Vec3::ZERO {
                     let is_known = index >= Self::FIRST_SAMPLES && votes.agree();
-                    let known = if votes.dark { 0.0 } else { 1.0 };
+                    let known = if votes.dark { Vec3::ZERO } else { Vec3::ONE };
                     votes.add(e, if is_known { known } else { visible(towards) });
                 }
             }
@@ -153,7 +153,7 @@ impl Sampled for DistantDisc {
 
         // The first points determine the visible fraction of the disc.
         let first = &self.directions[..Self::FIRST_SAMPLES];
-        let seen: f32 = first.iter().map(|&towards| shadows.visible_towards(receiver.position, towards)).sum();
+        let seen: Vec3 = first.iter().map(|&towards| shadows.visible_towards(receiver.position, towards)).sum();
         Traced { value: given * (seen / first.len() as f32), shadow_rays: first.len() as u64 }
     }
 
@@ -182,10 +182,10 @@ struct Votes {
 }
 
 impl Votes {
-    /// Adds a sample with irradiance `e`, of which the fraction `share` arrives.
-    fn add(&mut self, e: Vec3, share: f32) {
-        self.dark |= share < 1.0;
-        self.lit |= share > 0.0;
+    /// Adds a sample with irradiance `e`, of which the fraction `share` arrives, linear RGB.
+    fn add(&mut self, e: Vec3, share: Vec3) {
+        self.dark |= share.min_element() < 1.0;
+        self.lit |= share.max_element() > 0.0;
         self.sum += e * share;
     }
 

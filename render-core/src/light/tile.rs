@@ -2,7 +2,7 @@
 
 use super::receiver::{Disc, ShadingPoint, disc_term};
 use crate::accel::{Accelerator, PACKET, Shadows, Shaft};
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 use std::cell::Cell;
 
 /// Minimum number of receivers that justifies the cost of a shaft to the light.
@@ -19,15 +19,18 @@ pub(super) struct Shafts {
 pub(super) struct Hidden {
     /// Fully occluded receivers, as bits.
     pub whole: u64,
-    /// Fraction of the light that arrives at each receiver; `None` if each fraction is 0 or 1.
-    pub passed: Option<[f32; PACKET]>,
+    /// Fraction of the light that arrives at each receiver, by color; `None` if each fraction is 0 or 1.
+    pub passed: Option<[[f32; PACKET]; 3]>,
 }
 
 impl Hidden {
     /// Returns the fraction of the light that arrives at a receiver.
-    pub fn share(&self, receiver: usize) -> f32 {
-        let whole = || if self.whole >> receiver & 1 == 1 { 0.0 } else { 1.0 };
-        self.passed.as_ref().map_or_else(whole, |passed| passed[receiver])
+    pub fn share(&self, receiver: usize) -> Vec3 {
+        match &self.passed {
+            Some(passed) => Vec3::from_array(passed.map(|color| color[receiver])),
+            None if self.whole >> receiver & 1 == 1 => Vec3::ZERO,
+            None => Vec3::ONE,
+        }
     }
 }
 
@@ -63,7 +66,7 @@ impl<'a> ReceiverTile<'a> {
     }
 
     /// Returns the fraction of the light from a direction that arrives at one of the receivers.
-    pub(super) fn visible_towards(&self, receiver: &ShadingPoint, towards: Vec3A) -> f32 {
+    pub(super) fn visible_towards(&self, receiver: &ShadingPoint, towards: Vec3A) -> Vec3 {
         self.rays.set(self.rays.get() + 1);
         self.shadows.visible_towards(receiver.position, towards)
     }
@@ -130,14 +133,17 @@ impl<'a> ReceiverTile<'a> {
         }
 
         // Compute the transmitted fraction only for receivers behind a blended surface.
-        let mut passed = std::array::from_fn(|i| if whole >> i & 1 == 1 { 0.0 } else { 1.0 });
-        bits(partly).for_each(|i| passed[i] = self.shadows.passed(light, self.positions[i]));
+        let mut passed = [std::array::from_fn(|i| if whole >> i & 1 == 1 { 0.0 } else { 1.0 }); 3];
+        for i in bits(partly) {
+            let share = self.shadows.passed(light, self.positions[i]).to_array();
+            passed.iter_mut().zip(share).for_each(|(color, share)| color[i] = share);
+        }
         Hidden { whole, passed: Some(passed) }
     }
 
     /// Returns the fraction of `light` that blended surfaces transmit to one receiver. For many receivers,
     /// use [`ReceiverTile::hidden`].
-    pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> f32 {
+    pub(super) fn passed(&self, light: Vec3A, receiver: usize) -> Vec3 {
         self.shadows.passed(light, self.positions[receiver])
     }
 }

@@ -1,6 +1,7 @@
 //! Accumulation of samples to a picture, with an estimate of the variance.
 
-use super::{PathTracer, Points};
+use super::PathTracer;
+use super::vertex::Points;
 use crate::sampling::hash;
 use crate::scene::View;
 use glam::{DVec3, Vec2};

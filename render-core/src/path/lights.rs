@@ -1,7 +1,9 @@
 //! Next event estimation: sampling of all lights, and the sampling densities.
 
-use super::{Points, Vertex, power_heuristic};
-use crate::accel::{Accelerator, Hit};
+use super::media::Media;
+use super::vertex::{Points, Vertex, power_heuristic};
+use crate::accel::Hit;
+use crate::clear::ClearWalls;
 use crate::light::{DistantSample, Emitters, LightPoint, PointLight};
 use crate::sampling::{Distribution, Pick};
 use crate::surface::{Surface, Surfaces};
@@ -19,11 +21,12 @@ pub(super) struct Lights<'a> {
     places: Vec<Option<(usize, f32)>>,
     /// Distance between the end of a shadow ray and the light \[m\].
     epsilon: f32,
+    walls: ClearWalls<'a>,
 }
 
 impl<'a> Lights<'a> {
-    pub(super) fn new(surfaces: &Surfaces, emitters: &'a Emitters, epsilon: f32) -> Self {
-        let scene = surfaces.scene();
+    pub(super) fn new(posed: PosedScene<'a>, emitters: &'a Emitters, epsilon: f32) -> Self {
+        let scene = posed.surfaces.scene();
         let choice = Distribution::new(emitters.areas.iter().map(|area| f64::from(luminance(area.power()))));
         // Index densities by instance and triangle, for rays that hit a light.
         let mut densities = vec![None; scene.instances.len()];
@@ -36,7 +39,7 @@ impl<'a> Lights<'a> {
             densities[area.instance] = Some(own);
             places[area.instance] = Some((place, share));
         }
-        Self { emitters, choice, densities, places, epsilon }
+        Self { emitters, choice, densities, places, epsilon, walls: ClearWalls::new(posed, epsilon) }
     }
 
     /// Returns the density over solid angle \[sr⁻¹\] of sampling the light that a ray has hit. Returns `None` if the
@@ -52,34 +55,35 @@ impl<'a> Lights<'a> {
         Some(density * hit.distance * hit.distance / cos.max(f32::MIN_POSITIVE))
     }
 
-    /// Returns the reflected radiance of direct light at `vertex` \[W·m⁻²·sr⁻¹\].
-    pub(super) fn gather(&self, scene: PosedScene, vertex: &Vertex, points: &mut Points) -> Vec3 {
-        let PosedScene { accelerator, surfaces } = scene;
+    /// Returns the reflected radiance of direct light at `vertex` \[W·m⁻²·sr⁻¹\]. The volume of `media` attenuates light
+    /// from nearby lights.
+    pub(super) fn gather(&self, scene: PosedScene, vertex: &Vertex, media: &Media, points: &mut Points) -> Vec3 {
+        let surfaces = scene.surfaces;
         let mut sum = Vec3::ZERO;
         // Sample one point of all surfaces, one point light, and one direction per distant light.
         if self.choice.is_some() {
-            sum += self.surface_light(scene, vertex, points);
+            sum += self.surface_light(surfaces, vertex, media, points);
         }
         if !self.emitters.points.is_empty() {
-            sum += self.point_light(accelerator, vertex, points);
+            sum += self.point_light(vertex, media, points);
         }
         for light in self.emitters.distant(surfaces.scene().sky.as_ref()) {
             let DistantSample { towards, radiance, pdf } = light.draw(points.next());
             let (reflected, other) = vertex.reflect(towards);
-            if reflected != Vec3::ZERO && !accelerator.occluded_towards(vertex.position, towards) {
+            if reflected == Vec3::ZERO {
+                continue;
+            }
+            let passed = self.walls.passed_towards(vertex.origin(towards), towards);
+            if passed != Vec3::ZERO {
                 // Paths cannot hit a light without a density, so its sample has the full weight.
-                sum += reflected * radiance * pdf.map_or(1.0, |pdf| power_heuristic(pdf, other) / pdf);
+                let weight = pdf.map_or(1.0, |pdf| power_heuristic(pdf, other) / pdf);
+                sum += passed * (reflected * radiance * weight);
             }
         }
         sum
     }
 
-    fn surface_light(
-        &self,
-        PosedScene { accelerator, surfaces }: PosedScene,
-        vertex: &Vertex,
-        points: &mut Points,
-    ) -> Vec3 {
+    fn surface_light(&self, surfaces: &Surfaces, vertex: &Vertex, media: &Media, points: &mut Points) -> Vec3 {
         // Draw a point of an emissive surface.
         let (which, place) = (points.next(), points.next());
         let Some(pick) = self.choice.as_ref().map(|choice| choice.pick(f64::from(which.x))) else {
@@ -109,15 +113,13 @@ impl<'a> Lights<'a> {
 
         // Test visibility up to a point slightly off the light.
         let end = surface.position + surface.geometric_normal * self.epsilon;
-        if accelerator.occluded(vertex.position, end) {
-            return Vec3::ZERO;
-        }
-        reflected * surface.emission * (power_heuristic(pdf, other) / pdf)
+        let passed = self.walls.passed(vertex.origin(direction), end) * media.transmittance(distance);
+        passed * (reflected * surface.emission * (power_heuristic(pdf, other) / pdf))
     }
 
     /// Returns the reflected radiance of one point light, drawn in proportion to unshadowed contributions
     /// \[W·m⁻²·sr⁻¹\].
-    fn point_light(&self, accelerator: &Accelerator, vertex: &Vertex, points: &mut Points) -> Vec3 {
+    fn point_light(&self, vertex: &Vertex, media: &Media, points: &mut Points) -> Vec3 {
         let unshadowed = |light: &PointLight| {
             let way = light.position - vertex.position;
             let r2 = way.length_squared();
@@ -131,9 +133,12 @@ impl<'a> Lights<'a> {
             return Vec3::ZERO;
         };
         let Pick { index: light, probability, .. } = choice.pick(f64::from(which));
-        if accelerator.occluded(vertex.position, lights[light].position) {
+        let end = lights[light].position;
+        let way = end - vertex.position;
+        let passed = self.walls.passed(vertex.origin(way), end);
+        if passed == Vec3::ZERO {
             return Vec3::ZERO;
         }
-        unshadowed(&lights[light]) / probability as f32
+        passed * media.transmittance(way.length()) * (unshadowed(&lights[light]) / probability as f32)
     }
 }

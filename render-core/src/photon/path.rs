@@ -1,13 +1,14 @@
 //! Path of one photon: emission, reflections with Russian roulette, and end.
 
+use super::glass;
 use super::guide::Starts;
-use crate::accel::Accelerator;
+use crate::accel::{Accelerator, Hit};
 use crate::anchor::Spot;
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, SurfaceLobes};
 use crate::light::{EMISSION_DIMENSIONS, EmittedPhoton, PhotonSource};
 use crate::luminance;
 use crate::sampling::{cosine_hemisphere, frame, halton, hash_unit};
-use crate::surface::Surfaces;
+use crate::surface::{Interaction, Surface, Surfaces};
 use crate::swept::SweptVolume;
 use glam::{Vec2, Vec3, Vec3A};
 use std::sync::Arc;
@@ -21,6 +22,9 @@ const BOUNCE_DIMENSIONS: usize = 3;
 const MOST_AIMS: usize = 2;
 /// Maximum number of directions drawn from a coat until a direction leaves the surface.
 const MOST_DRAWS: u64 = 8;
+/// Keys of the random numbers that choose between glass and opaque surface, and that let glass absorb photons.
+const GLASS: u64 = 1 << 60;
+const ABSORBED: u64 = 2 << 60;
 /// Minimum cosine between the shading normal and the geometric normal of flat surfaces: 0.26°.
 const FLAT: f32 = 1.0 - 1e-5;
 /// Maximum ratio of the light received by the shading normal to that received by the geometric normal. Grazing light
@@ -139,6 +143,16 @@ impl Walk<'_> {
                 return;
             }
 
+            // Let photons through glass, which stores no light.
+            if let Some(lobes) = self.glass(index, bounce, &surface) {
+                path.reflections.push(self.without_light(&surface, &hit));
+                match self.through(&leg, &surface.surface(), &lobes, hit.distance) {
+                    Some(next) => leg = next,
+                    None => return,
+                }
+                continue;
+            }
+
             // Compute the albedo of a coat for this direction, because it depends on the direction.
             let coat = surface.coat();
             let (albedo, normal) = match &coat {
@@ -210,6 +224,53 @@ impl Walk<'_> {
                 flux: flux * weight * received / survival,
             };
         }
+    }
+}
+
+impl Walk<'_> {
+    /// Returns the glass that a photon hits, or `None` at an opaque surface or the opaque fraction of a surface.
+    fn glass(&self, index: u64, bounce: usize, surface: &Interaction) -> Option<Box<SurfaceLobes>> {
+        if !surface.transmits() {
+            return None;
+        }
+        glass::glass(&surface.surface(), hash_unit(self.seed, index, GLASS | bounce as u64))
+    }
+
+    /// Returns the reflection of a photon at a surface that stores no light.
+    fn without_light(&self, surface: &Interaction, hit: &Hit) -> Reflection {
+        Reflection {
+            position: surface.position,
+            normal: surface.geometric_normal,
+            flux: Vec3::ZERO,
+            instance: hit.instance,
+            on_moving: self.moving[hit.instance as usize],
+            came: hit.distance,
+        }
+    }
+
+    /// Returns the segment of a photon behind glass, or `None` if the glass absorbs the photon. `came` is the length of
+    /// the segment `leg` \[m\].
+    fn through(&self, leg: &Leg, surface: &Surface, lobes: &SurfaceLobes, came: f32) -> Option<Leg> {
+        let (index, bounce) = (u64::from(leg.index), usize::from(leg.bounce));
+        let u = |k| halton(self.seed, index, EMISSION_DIMENSIONS + bounce * BOUNCE_DIMENSIONS + k);
+        let passed = glass::pass(surface, lobes, leg.direction.into(), came, [u(2), u(0), u(1)])?;
+
+        // Roulette absorbs photons, so that flux never grows.
+        let flux = leg.flux * passed.weight;
+        let survival = (luminance(flux) / luminance(leg.flux)).clamp(0.0, 1.0);
+        if survival.is_nan() || hash_unit(self.seed, index, ABSORBED | bounce as u64) >= survival {
+            return None;
+        }
+        let is_refracted = Vec3A::from(passed.direction).dot(surface.geometric_normal) < 0.0;
+        let offset = if is_refracted { -self.epsilon } else { self.epsilon };
+        Some(Leg {
+            index: leg.index,
+            bounce: (bounce + 1) as u16,
+            distant: false,
+            origin: (surface.position + surface.geometric_normal * offset).into(),
+            direction: passed.direction,
+            flux: flux / survival,
+        })
     }
 }
 

@@ -1,37 +1,8 @@
 //! Materials: a Lambert base below a GGX coat, emission, and textures.
 
-use glam::{Vec2, Vec3};
-
-/// Number of texture coordinate sets of a mesh.
-pub const UV_SETS: usize = 4;
-
-/// Texture and the coordinates at which it is sampled.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TextureSlot {
-    /// Index into the scene's textures.
-    pub texture: usize,
-    /// Coordinate set, below [`UV_SETS`].
-    pub uv_set: usize,
-    /// Offset, rotation in radians, and scale of `KHR_texture_transform`.
-    pub transform: Option<(Vec2, f32, Vec2)>,
-}
-
-impl TextureSlot {
-    /// Maps the mesh's `uv` to the texture's coordinates.
-    #[inline]
-    #[must_use]
-    pub fn map(&self, uv: Vec2) -> Vec2 {
-        match self.transform {
-            None => uv,
-            Some((offset, rotation, scale)) => {
-                // Scale, rotate and translate, in the order of `KHR_texture_transform`.
-                let (sin, cos) = rotation.sin_cos();
-                let scaled = uv * scale;
-                offset + Vec2::new(cos * scaled.x + sin * scaled.y, cos * scaled.y - sin * scaled.x)
-            }
-        }
-    }
-}
+use super::lobes::MaterialLobes;
+use super::texture_slot::TextureSlot;
+use glam::Vec3;
 
 /// Meaning of the opacity of a base color.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +52,8 @@ pub struct Material {
     pub double_sided: bool,
     /// Whether the surface shows its color regardless of light. An unlit surface neither receives nor emits light.
     pub unlit: bool,
+    /// Lobes of material extensions; `None` for the plain metallic-roughness model.
+    pub lobes: Option<Box<MaterialLobes>>,
 }
 
 impl Default for Material {
@@ -101,6 +74,7 @@ impl Default for Material {
             emission_texture: None,
             double_sided: false,
             unlit: false,
+            lobes: None,
         }
     }
 }
@@ -126,20 +100,28 @@ impl Material {
     #[must_use]
     pub fn may_have_coat(&self) -> bool {
         let smoother = self.roughness < 1.0 || self.metallic_roughness_texture.is_some();
-        !self.unlit && (self.metallic > 0.0 || smoother)
+        !self.unlit && (self.metallic > 0.0 || smoother || self.lobes.is_some())
+    }
+
+    /// Returns whether the material uses the tangents of meshes.
+    pub(super) fn needs_tangents(&self) -> bool {
+        self.normal_texture.is_some() || self.lobes.as_ref().is_some_and(|lobes| lobes.needs_tangents())
     }
 
     /// Returns the texture slots of the material.
     pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
         let normal = self.normal_texture.as_ref().map(|(slot, _)| slot);
         let others = [&self.base_color_texture, &self.metallic_roughness_texture, &self.emission_texture];
-        others.into_iter().flatten().chain(normal)
+        let lobes = self.lobes.iter().flat_map(|lobes| lobes.slots()).map(|(slot, _)| slot);
+        others.into_iter().flatten().chain(normal).chain(lobes)
     }
 
     pub(super) fn slots_mut(&mut self) -> impl Iterator<Item = &mut TextureSlot> {
         let normal = self.normal_texture.as_mut().map(|(slot, _)| slot);
-        let Self { base_color_texture, metallic_roughness_texture, emission_texture, .. } = self;
-        [base_color_texture, metallic_roughness_texture, emission_texture].into_iter().flatten().chain(normal)
+        let Self { base_color_texture, metallic_roughness_texture, emission_texture, lobes, .. } = self;
+        let lobes = lobes.iter_mut().flat_map(|lobes| lobes.slots_mut()).map(|(slot, _)| slot);
+        let others = [base_color_texture, metallic_roughness_texture, emission_texture];
+        others.into_iter().flatten().chain(normal).chain(lobes)
     }
 
     /// Returns whether the surface is meant to light other surfaces. A lamp emits without a texture, or the file sets

@@ -1,6 +1,7 @@
 //! Animated properties of materials.
 
 use super::light::STRONGEST;
+use super::lobes::DEFAULT_IOR;
 use super::{Alpha, Channel, Material, Scene, TextureSlot};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
@@ -206,9 +207,6 @@ impl Material {
         }
     }
 }
-
-/// Index of refraction if a file does not set it (`KHR_materials_ior`): F0 = 4 %.
-const DEFAULT_IOR: f32 = 1.5;
 
 impl MaterialFactors {
     /// Returns the reflectance at normal incidence, by `KHR_materials_ior` and `KHR_materials_specular`,

@@ -9,6 +9,7 @@ mod far;
 mod files;
 mod gltf_file;
 mod light;
+mod lobes;
 mod material;
 mod material_animation;
 mod mesh;
@@ -17,6 +18,7 @@ mod settings;
 mod settings_error;
 mod sky;
 mod texture;
+mod texture_slot;
 mod typed_setting;
 
 pub use crate::environment::Gradient;
@@ -26,7 +28,11 @@ pub use deform::{DeformedMesh, MorphedNode, Skin};
 pub use files::{Origin, Reach};
 pub use gltf_file::{EXTENSIONS, Extension, GltfSource, LoadError, Support, extension_table, load, load_with};
 pub use light::{LightChannel, LightProperty, PunctualKind, PunctualLight};
-pub use material::{Alpha, Material, TextureSlot, UV_SETS};
+pub use lobes::{
+    Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, MaterialLobes, Sheen, SpecularFactors, Transmission,
+    Volume,
+};
+pub use material::{Alpha, Material};
 pub use material_animation::{MaterialChannel, MaterialFactors, MaterialProperty, SlotName};
 pub(crate) use mesh::interpolate as mesh_interpolate;
 pub use mesh::{Influence, Mesh, MorphTarget, Skinning};
@@ -35,6 +41,7 @@ pub use settings::{Gaze, LightSettings, SceneSettings, parse_frame_rate};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
 pub use texture::{Encoding, Filtered, Texture, Wrap};
+pub use texture_slot::{TextureSlot, UV_SETS};
 
 use crate::environment::Environment;
 use crate::steps;

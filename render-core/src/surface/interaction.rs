@@ -5,14 +5,14 @@ use super::site::{Footprint, TrianglePoint};
 use super::{Surface, Surfaces, normal_map};
 use crate::accel::Hit;
 use crate::bsdf::Bsdf;
-use crate::scene::{Material, mesh_interpolate as interpolate};
+use crate::scene::{Material, TextureSlot, mesh_interpolate as interpolate};
 use glam::{Vec3, Vec3A};
 
 /// Point where a ray hit a surface.
 pub(crate) struct Interaction<'a> {
     surfaces: &'a Surfaces<'a>,
-    material: &'a Material,
-    site: TrianglePoint<'a>,
+    pub(super) material: &'a Material,
+    pub(super) site: TrianglePoint<'a>,
     /// Direction of the ray, a unit vector.
     direction: Vec3A,
     pub instance: u32,
@@ -68,11 +68,12 @@ fn off_edges([u, v]: [f32; 2], corners: [Vec3A; 3], area_vector: Vec3A) -> Vec3A
 }
 
 /// Textured properties of a [`Surface`].
-struct TexturedFinish {
-    normal: Vec3A,
+pub(super) struct TexturedFinish {
+    pub(super) normal: Vec3A,
     albedo: Vec3,
     specular: Vec3,
-    roughness: f32,
+    pub(super) metallic: f32,
+    pub(super) roughness: f32,
 }
 
 impl<'a> Interaction<'a> {
@@ -112,11 +113,20 @@ impl<'a> Interaction<'a> {
         !self.front && !self.material.double_sided
     }
 
+    /// Returns whether light may pass through the surface as through glass.
+    pub fn transmits(&self) -> bool {
+        self.material.lobes.as_ref().is_some_and(|lobes| lobes.transmission.factor > 0.0)
+    }
+
     /// Returns the diffuse reflectance, [`Surface::albedo`].
     pub fn albedo(&self) -> Vec3 {
         let Self { material, site, .. } = self;
         if material.unlit {
             return Vec3::ZERO;
+        }
+        // Few materials have further lobes, which change the base.
+        if material.lobes.is_some() {
+            return self.surface().albedo;
         }
         // The coat's roughness does not affect the base.
         let (metallic, roughness) = site.metallic_roughness(material);
@@ -125,7 +135,11 @@ impl<'a> Interaction<'a> {
 
     /// Returns the BSDF of a surface with a coat, and the surface's shading normal, or `None` without a coat.
     pub fn coat(&self) -> Option<(Bsdf, Vec3A)> {
-        let TexturedFinish { normal, albedo, specular, roughness } =
+        if self.material.lobes.is_some() {
+            let Surface { albedo, specular, roughness, shading_normal, .. } = self.surface();
+            return (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), shading_normal));
+        }
+        let TexturedFinish { normal, albedo, specular, roughness, .. } =
             self.material.may_have_coat().then(|| self.finish())?;
         (specular != Vec3::ZERO).then(|| (Bsdf::new(albedo, specular, roughness), normal))
     }
@@ -174,12 +188,16 @@ impl<'a> Interaction<'a> {
             emission: self.emission(),
             front: *front,
             double_sided: material.double_sided,
+            lobes: None,
         };
         if material.unlit {
             return dark;
         }
-        let TexturedFinish { normal, albedo, specular, roughness } = self.finish();
-        Surface { shading_normal: normal, albedo, specular, roughness, ..dark }
+        let finish = self.finish();
+        let lobes = self.lobes(&finish);
+        let TexturedFinish { normal, albedo, specular, roughness, .. } = finish;
+        let (albedo, specular) = lobes.as_ref().map_or((albedo, specular), |lobes| lobes.summary());
+        Surface { shading_normal: normal, albedo, specular, roughness, lobes, ..dark }
     }
 
     /// Returns the base, coat and normal of a lit surface.
@@ -189,32 +207,61 @@ impl<'a> Interaction<'a> {
         let (metallic, roughness) = site.metallic_roughness(material);
         let roughness = normal_map::roughened(roughness, unevenness);
         let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
-        TexturedFinish { normal, albedo, specular, roughness }
+        TexturedFinish { normal, albedo, specular, metallic, roughness }
     }
 
     /// Returns the shading normal, and the unevenness of the normal map within the footprint.
     fn normal_and_unevenness(&self) -> (Vec3A, f32) {
-        let Self { surfaces, material, site, direction, .. } = self;
-        let instance = self.instance as usize;
-        let shape = surfaces.shape(instance);
-        // Interpolate the smooth normal. Meshes without normals use the normal of the triangle.
-        let local = interpolate(shape.normals, site.indices, site.u, site.v);
-        let smooth = local.and_then(|n| (surfaces.normals[instance] * Vec3A::from(n)).try_normalize());
+        self.mapped(self.material.normal_texture.as_ref())
+    }
+
+    /// Returns the normal of a map, or the smooth normal without a map, toward the ray's origin.
+    pub(super) fn normal_of(&self, map: Option<&(TextureSlot, f32)>) -> Vec3A {
+        self.mapped(map).0
+    }
+
+    /// Returns the normal of a map toward the ray's origin, and the unevenness of the map within the footprint.
+    fn mapped(&self, map: Option<&(TextureSlot, f32)>) -> (Vec3A, f32) {
+        let Self { site, direction, .. } = self;
+        let (outward, local) = self.smooth_normal();
         // Normals belong to the front. Seen from behind, the whole frame of the normal map is reversed.
-        let outward = smooth.unwrap_or(site.outward);
         let side = if outward.dot(self.geometric_normal) < 0.0 { -1.0 } else { 1.0 };
-        let (normal, unevenness) = match &material.normal_texture {
+        let (normal, unevenness) = match map {
             None => (outward, 0.0),
-            Some((slot, scale)) => {
-                let tangent = interpolate(shape.tangents, site.indices, site.u, site.v);
-                let given = local.zip(tangent).and_then(|(n, t)| normal_map::given(&surfaces.world[instance], n, t));
-                site.mapped_normal(slot, *scale, outward, given)
-            }
+            Some((slot, scale)) => site.mapped_normal(slot, *scale, outward, self.given_axes(local)),
         };
         let normal = normal * side;
         // At a silhouette, a normal may face away from the viewer, so bend it back to grazing.
         let away = normal.dot(*direction);
         (if away < 0.0 { normal } else { (normal - *direction * (away + 1e-3)).normalize() }, unevenness)
+    }
+
+    /// Returns the smooth normal of the front in world space, and the interpolated normal of the mesh. Meshes without
+    /// normals use the normal of the triangle.
+    fn smooth_normal(&self) -> (Vec3A, Option<Vec3>) {
+        let Self { surfaces, site, .. } = self;
+        let instance = self.instance as usize;
+        let local = interpolate(surfaces.shape(instance).normals, site.indices, site.u, site.v);
+        let smooth = local.and_then(|n| (surfaces.normals[instance] * Vec3A::from(n)).try_normalize());
+        (smooth.unwrap_or(site.outward), local)
+    }
+
+    /// Returns the axes of the tangent frame that the file defines, for the interpolated normal of the mesh.
+    fn given_axes(&self, normal: Option<Vec3>) -> Option<(Vec3A, Vec3A)> {
+        let Self { surfaces, site, .. } = self;
+        let instance = self.instance as usize;
+        let tangent = interpolate(surfaces.shape(instance).tangents, site.indices, site.u, site.v);
+        normal.zip(tangent).and_then(|(n, t)| normal_map::given(&surfaces.world[instance], n, t))
+    }
+
+    /// Returns the axes of the tangent frame of a texture, projected onto the plane of a unit `normal`. They are zero
+    /// without tangents and coordinates.
+    pub(super) fn tangent_axes(&self, slot: Option<&TextureSlot>, normal: Vec3A) -> [Vec3A; 2] {
+        // Without a texture, the first coordinate set defines the frame.
+        let first = TextureSlot { texture: 0, uv_set: 0, transform: None };
+        let (outward, local) = self.smooth_normal();
+        let axes = self.given_axes(local).or_else(|| self.site.derived(slot.unwrap_or(&first), outward));
+        axes.map_or([Vec3A::ZERO; 2], |(x, y)| [x, y].map(|v| v - normal * normal.dot(v)))
     }
 }
 
@@ -223,7 +270,7 @@ mod tests {
     use super::*;
     use crate::Geometry;
     use crate::sampling::{sobol_point, uniform_sphere};
-    use crate::scene::{Encoding, Instance, Mesh, Node, Scene, Texture, TextureSlot, Transform, Wrap};
+    use crate::scene::{Encoding, Instance, Mesh, Node, Scene, Texture, Transform, Wrap};
     use glam::{Quat, Vec2, vec2, vec3, vec4};
 
     /// Builds a texture of 8×8 texels without two equal rows or columns.

@@ -39,7 +39,7 @@ impl TrianglePoint<'_> {
     /// Returns the unit directions of a normal map's x and y axes, from the texture coordinates: x along increasing u,
     /// y along decreasing v. Images have their origin at the top, but in normal maps y points upward. Mirrored
     /// coordinates need no special case.
-    fn derived(&self, slot: &TextureSlot, normal: Vec3A) -> Option<(Vec3A, Vec3A)> {
+    pub(super) fn derived(&self, slot: &TextureSlot, normal: Vec3A) -> Option<(Vec3A, Vec3A)> {
         let [p, q, r] = self.coordinates(slot)?;
         let (d1, d2) = (q - p, r - p);
         let (e1, e2) = (self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]);

@@ -38,7 +38,12 @@ impl Surfaces<'_> {
         let site = TrianglePoint { scene: self.scene, mesh, indices, u: hit.u, v: hit.v, corners, outward, footprint };
         let emission = if material.emits() && !material.unlit { site.emission(material) } else { Vec3::ZERO };
         let (metallic, roughness) = site.metallic_roughness(material);
-        let (albedo, specular) = material.split(site.base_color(material), metallic, roughness);
+        let (albedo, specular) = if material.lobes.is_some() {
+            let surface = self.at(hit, -outward, width);
+            (surface.albedo, surface.specular)
+        } else {
+            material.split(site.base_color(material), metallic, roughness)
+        };
         // Evaluate a coat at a fixed angle, because the paint is independent of the viewer.
         let reflectance = match specular {
             Vec3::ZERO => albedo,

@@ -86,7 +86,8 @@ impl TrianglePoint<'_> {
         })
     }
 
-    fn color(&self, slot: &Option<TextureSlot>) -> Vec3 {
+    /// Samples the linear RGB color of a slot, or returns white without a texture.
+    pub(super) fn color(&self, slot: &Option<TextureSlot>) -> Vec3 {
         slot.as_ref().and_then(|slot| self.look_up(slot)).map_or(Vec3::ONE, |found| found.color)
     }
 

@@ -8,6 +8,7 @@ mod coverage;
 mod cut_outs;
 mod deform;
 mod direct;
+mod glass;
 mod gltf;
 mod light;
 mod materials;

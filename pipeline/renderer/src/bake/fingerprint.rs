@@ -8,9 +8,9 @@
 
 use glam::{Affine3A, Vec2, Vec3, Vec4};
 use render_core::scene::{
-    Alpha, Channel, Influence, Interpolation, LightChannel, Material, MaterialChannel, MaterialFactors, Mesh,
-    MorphTarget, MorphedNode, Node, PunctualKind, PunctualLight, Scene, SceneSettings, Skin, Skinning, TextureSlot,
-    Track, Transform,
+    Alpha, Channel, Influence, Interpolation, LightChannel, Material, MaterialChannel, MaterialFactors, MaterialLobes,
+    Mesh, MorphTarget, MorphedNode, Node, PunctualKind, PunctualLight, Scene, SceneSettings, Skin, Skinning,
+    SpecularFactors, TextureSlot, Track, Transform,
 };
 use xxhash_rust::xxh3::Xxh3;
 
@@ -219,6 +219,7 @@ impl SceneHash {
             emission_texture,
             double_sided,
             unlit,
+            lobes,
         } = material;
         self.points(&[*base_color, *dielectric_f0, *emission]);
         self.floats(&[*metallic, *roughness, *opacity]);
@@ -238,6 +239,49 @@ impl SceneHash {
         }
         self.slot(normal_texture.as_ref().map(|(slot, _)| slot));
         self.floats(&[normal_texture.map_or(0.0, |(_, factor)| factor)]);
+        // Plain materials have the same hash as before extensions were read.
+        if let Some(lobes) = lobes {
+            self.lobes(lobes);
+        }
+    }
+
+    fn lobes(&mut self, lobes: &MaterialLobes) {
+        let MaterialLobes {
+            ior,
+            specular,
+            anisotropy,
+            clearcoat,
+            sheen,
+            iridescence,
+            transmission,
+            diffuse_transmission,
+        } = lobes;
+        let coat_scale = clearcoat.normal_texture.map_or(0.0, |(_, scale)| scale);
+        let [thinnest, thickest] = iridescence.thickness;
+        self.floats(&[*ior, specular.factor, anisotropy.strength, anisotropy.rotation, clearcoat.factor]);
+        self.floats(&[clearcoat.roughness, coat_scale, sheen.roughness, iridescence.factor, iridescence.ior]);
+        self.floats(&[thinnest, thickest, transmission.factor, transmission.dispersion, diffuse_transmission.factor]);
+        self.points(&[sheen.color, diffuse_transmission.color]);
+        self.number(usize::from(transmission.volume.is_some()));
+        self.points(&[transmission.volume.map_or(Vec3::ZERO, |volume| volume.attenuation)]);
+        // Hash which slots exist, then the slots.
+        let SpecularFactors { texture, color_texture, .. } = specular;
+        let slots = [
+            *texture,
+            *color_texture,
+            anisotropy.texture,
+            clearcoat.texture,
+            clearcoat.roughness_texture,
+            clearcoat.normal_texture.map(|(slot, _)| slot),
+            sheen.color_texture,
+            sheen.roughness_texture,
+            iridescence.texture,
+            iridescence.thickness_texture,
+            transmission.texture,
+            diffuse_transmission.texture,
+            diffuse_transmission.color_texture,
+        ];
+        slots.iter().for_each(|slot| self.slot(slot.as_ref()));
     }
 
     fn slot(&mut self, slot: Option<&TextureSlot>) {

@@ -155,7 +155,7 @@ impl Facts<'_> {
 
 /// Returns whether a coat may be smoother than the limit for baking. Textures can only make coats smoother.
 fn may_be_smooth(material: &Material) -> bool {
-    material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
+    material.lobes.is_some() || material.roughness < BAKED_ROUGHNESS || material.metallic_roughness_texture.is_some()
 }
 
 /// Returns whether a light or an emissive surface moves or changes.

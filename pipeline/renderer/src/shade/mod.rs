@@ -402,7 +402,8 @@ impl Shading<'_> {
         });
 
         // Replace the albedo of coated surfaces: coats are a separate layer of light.
-        let below = self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(own.as_ref().unwrap_or(seen)));
+        let below =
+            self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(own.as_ref().unwrap_or(seen), &frame.surfaces));
         let matte = below.as_ref().or(own.as_ref()).unwrap_or(seen);
         let emitted = matte.pixels.map(|pixel| Vec3::from(pixel.emission));
         SampleSurfaces { seen, own, below, emitted }

@@ -249,17 +249,17 @@ impl TileVotes {
         self.lit |= traced & !whole;
         self.dark |= traced & whole;
         if let Some(passed) = passed {
-            self.dark |= traced & bits_where(passed, |share| share < 1.0);
+            passed.iter().for_each(|color| self.dark |= traced & bits_where(color, |share| share < 1.0));
         }
 
         // Process rows of eight receivers together; skip rows without a traced ray.
         let (terms, _) = terms.as_chunks::<8>();
         for (row, terms) in terms.iter().enumerate().filter(|(row, _)| traced >> (8 * row) & 0xff != 0) {
-            let factors = match passed {
-                Some(passed) => &passed.as_chunks::<8>().0[row],
-                None => &FACTORS[(whole >> (8 * row)) as usize & 0xff],
-            };
             for (c, intensity) in intensity.to_array().into_iter().enumerate() {
+                let factors = match passed {
+                    Some(passed) => &passed[c].as_chunks::<8>().0[row],
+                    None => &FACTORS[(whole >> (8 * row)) as usize & 0xff],
+                };
                 // E = I · term. Add it to the total and to the visible irradiance. An occluded sample has factor 0,
                 // which avoids branches.
                 let seen = &mut self.seen[c].as_chunks_mut::<8>().0[row];

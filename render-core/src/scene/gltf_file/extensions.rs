@@ -45,6 +45,8 @@ const IMAGES: &str = "packed_images_have_the_reference_texels";
 const DRACO: &str = "meshes_packed_by_draco_have_the_reference_numbers";
 /// Name of the test of buffer views packed by meshoptimizer.
 const MESHOPT: &str = "views_packed_by_meshopt_have_the_reference_numbers";
+/// Name of the test of lobes beyond base and coat.
+const LOBES: &str = "materials_have_their_lobes";
 /// Name of the test of all extensions that are ignored with a note.
 const NOTED: &str = "each_extension_that_is_left_out_has_one_note";
 /// Name of the test of all extensions that are refused if required.
@@ -79,10 +81,10 @@ pub static EXTENSIONS: &[Extension] = &[
     row("KHR_implicit_shapes", "shapes for physics", Support::Silent, SILENT),
     row("KHR_interactivity", "interactive behavior", Support::Silent, SILENT),
     row("KHR_lights_punctual", "points, spots, suns", Support::Read, "lamps_of_blender_fit_its_emission"),
-    row("KHR_materials_anisotropy", "brushed metal", Support::Noted, NOTED),
-    row("KHR_materials_clearcoat", "layer of varnish", Support::Noted, NOTED),
-    row("KHR_materials_diffuse_transmission", "light through leaves", Support::Noted, NOTED),
-    row("KHR_materials_dispersion", "prism colors", Support::Noted, NOTED),
+    row("KHR_materials_anisotropy", "brushed metal", Support::Read, LOBES),
+    row("KHR_materials_clearcoat", "layer of varnish", Support::Read, LOBES),
+    row("KHR_materials_diffuse_transmission", "light through leaves", Support::Read, LOBES),
+    row("KHR_materials_dispersion", "prism colors", Support::Read, LOBES),
     row(
         "KHR_materials_emissive_strength",
         "strong glow",
@@ -90,24 +92,19 @@ pub static EXTENSIONS: &[Extension] = &[
         "a_sky_is_added_where_nothing_was_made_to_shine",
     ),
     row("KHR_materials_ior", "index of refraction", Support::Read, "materials_mean_what_the_specification_says"),
-    row("KHR_materials_iridescence", "thin film colors", Support::Noted, NOTED),
+    row("KHR_materials_iridescence", "thin film colors", Support::Read, LOBES),
     row(
         "KHR_materials_pbrSpecularGlossiness",
         "older material model",
         Support::Partial,
         "the_older_material_model_is_converted",
     ),
-    row("KHR_materials_sheen", "velvet rim", Support::Noted, NOTED),
-    row(
-        "KHR_materials_specular",
-        "reflectance factors",
-        Support::Partial,
-        "materials_mean_what_the_specification_says",
-    ),
-    row("KHR_materials_transmission", "light through glass", Support::Noted, NOTED),
+    row("KHR_materials_sheen", "velvet rim", Support::Read, LOBES),
+    row("KHR_materials_specular", "reflectance factors", Support::Read, LOBES),
+    row("KHR_materials_transmission", "light through glass", Support::Read, LOBES),
     row("KHR_materials_unlit", "color without light", Support::Read, "unlit_surfaces_are_marked"),
     row("KHR_materials_variants", "alternative materials", Support::Read, "variants_replace_materials"),
-    row("KHR_materials_volume", "thickness of glass", Support::Noted, NOTED),
+    row("KHR_materials_volume", "thickness of glass", Support::Read, LOBES),
     row("KHR_materials_volume_scatter", "milky glass", Support::Noted, NOTED),
     row("KHR_mesh_quantization", "small integers", Support::Read, "quantised_meshes_have_the_numbers_they_stand_for"),
     row("KHR_meshopt_compression", "compressed meshes", behind(cfg!(feature = "meshopt")), MESHOPT),
@@ -135,18 +132,8 @@ pub static EXTENSIONS: &[Extension] = &[
     row("VRMC_vrm", "avatar data", Support::Silent, SILENT),
 ];
 
-/// Material extensions, with the factor of each that disables the extension at its default of zero.
-const FACTORS: [(&str, &str); 9] = [
-    ("KHR_materials_anisotropy", "anisotropyStrength"),
-    ("KHR_materials_clearcoat", "clearcoatFactor"),
-    ("KHR_materials_diffuse_transmission", "diffuseTransmissionFactor"),
-    ("KHR_materials_dispersion", "dispersion"),
-    ("KHR_materials_iridescence", "iridescenceFactor"),
-    ("KHR_materials_sheen", "sheenColorFactor"),
-    ("KHR_materials_transmission", "transmissionFactor"),
-    ("KHR_materials_volume", "thicknessFactor"),
-    ("KHR_materials_volume_scatter", "multiscatterColor"),
-];
+/// Ignored material extensions, with the factor of each that disables the extension at its default of zero.
+const FACTORS: [(&str, &str); 1] = [("KHR_materials_volume_scatter", "multiscatterColor")];
 
 /// Extensions that require a feature of the build, with the name of the feature.
 const FEATURES: [(&str, &str); 5] = [

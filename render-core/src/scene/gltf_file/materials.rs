@@ -3,9 +3,11 @@
 //! Occlusion textures are omitted on purpose: they approximate occlusion that a rasterizer cannot compute, but this
 //! renderer can.
 
+use super::lobes::with_lobes;
+use super::slots::{normal_slot, slot, slot_of};
 use super::specular_glossiness::{OlderFactors, coincide};
 use crate::scene::{Alpha, Material, MaterialFactors, TextureSlot, UV_SETS};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
@@ -17,13 +19,10 @@ pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossines
 /// Also returns the factors of specular-glossiness materials with textures, and a note for each type of omitted
 /// property. The texture slots of these materials refer to the file's images until the textures are converted.
 pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec<String>) {
-    let mut left_out = [false; 3];
+    let mut left_out = [false; 2];
     let mut materials: Vec<Material> = Vec::new();
     let mut older = Older::new();
     for source in document.materials() {
-        // Note textures of the reflectance, which are omitted.
-        let specular = source.specular();
-        left_out[0] |= specular.is_some_and(|s| s.specular_texture().or(s.specular_color_texture()).is_some());
         let mut material = material(&source);
         // Convert specular-glossiness materials with textures if both textures coincide.
         if let Some((glossy, factors)) = source.extension_value(SPECULAR_GLOSSINESS).and_then(glossy) {
@@ -39,12 +38,12 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
                 };
                 older.insert(materials.len(), factors);
             } else {
-                left_out[2] = true;
+                left_out[1] = true;
             }
         }
         // Clamp coordinate sets that are not read.
         for slot in material.slots_mut() {
-            left_out[1] |= slot.uv_set >= UV_SETS;
+            left_out[0] |= slot.uv_set >= UV_SETS;
             slot.uv_set = slot.uv_set.min(UV_SETS - 1);
         }
         materials.push(material);
@@ -52,7 +51,6 @@ pub(super) fn materials(document: &gltf::Document) -> (Vec<Material>, Older, Vec
     // glTF 2.0, 3.9.2 and 3.7.2.1: omitted properties have default values; metalness and roughness default to 1.
     materials.push(Material { metallic: 1.0, roughness: 1.0, ..Material::default() });
     let notes = [
-        "specular textures are left out; their factors apply",
         "only texture coordinate sets 0 to 3 are read",
         "specular-glossiness textures with other coordinates than the diffuse texture are left out",
     ];
@@ -73,10 +71,11 @@ pub(super) type Older = BTreeMap<usize, OlderFactors>;
 
 fn material(source: &gltf::Material) -> Material {
     let material = metallic_roughness(source);
-    match source.extension_value(SPECULAR_GLOSSINESS) {
+    let material = match source.extension_value(SPECULAR_GLOSSINESS) {
         Some(extension) => specular_glossiness(material, extension),
         None => material,
-    }
+    };
+    with_lobes(material, source)
 }
 
 /// Returns the material of `KHR_materials_pbrSpecularGlossiness`, a diffuse base below a coat. It takes precedence over
@@ -147,6 +146,7 @@ fn metallic_roughness(source: &gltf::Material) -> Material {
         emission_texture: source.emissive_texture().map(slot),
         double_sided: source.double_sided(),
         unlit: source.unlit(),
+        lobes: None,
     }
 }
 
@@ -161,46 +161,5 @@ pub(super) fn factors(source: &gltf::Material) -> MaterialFactors {
         ior: source.ior().unwrap_or(f32::NAN),
         specular: specular.map_or((1.0, Vec3::ONE), |s| (s.specular_factor(), Vec3::from(s.specular_color_factor()))),
         shows_sum: false,
-    }
-}
-
-fn slot(info: gltf::texture::Info) -> TextureSlot {
-    let transform = info.texture_transform();
-    let own_set = transform.as_ref().and_then(|t| t.tex_coord());
-    TextureSlot {
-        texture: info.texture().index(),
-        uv_set: own_set.unwrap_or(info.tex_coord()) as usize,
-        transform: transform.map(|t| (Vec2::from(t.offset()), t.rotation(), Vec2::from(t.scale()))),
-    }
-}
-
-/// Builds a slot from the JSON of a texture reference.
-fn slot_of(info: &Value) -> Option<TextureSlot> {
-    let texture = usize::try_from(info.get("index")?.as_u64()?).ok()?;
-    let uv_set = info.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
-    Some(moved_slot(texture, uv_set as usize, info.pointer("/extensions/KHR_texture_transform")))
-}
-
-/// Returns the slot of a normal texture, and its scale. The crate does not parse the transform of this slot.
-fn normal_slot(source: gltf::material::NormalTexture) -> (TextureSlot, f32) {
-    let transform = source.extension_value("KHR_texture_transform");
-    let slot = moved_slot(source.texture().index(), source.tex_coord() as usize, transform);
-    let scale = source.scale();
-    (slot, if scale.is_finite() { scale } else { 1.0 })
-}
-
-/// Builds a slot with the JSON of its transform.
-fn moved_slot(texture: usize, uv_set: usize, transform: Option<&Value>) -> TextureSlot {
-    // Read the transform from JSON, with the extension's defaults.
-    let number = |name: &str| transform.and_then(|t| t.get(name)?.as_f64());
-    let pair = |name: &str, default: f32| {
-        let at = |i: usize| transform.and_then(|t| t.get(name)?.get(i)?.as_f64()).map_or(default, |x| x as f32);
-        Vec2::new(at(0), at(1))
-    };
-    TextureSlot {
-        texture,
-        uv_set: number("texCoord").map_or(uv_set, |set| set as usize),
-        transform: transform
-            .map(|_| (pair("offset", 0.0), number("rotation").unwrap_or(0.0) as f32, pair("scale", 1.0))),
     }
 }

@@ -167,8 +167,8 @@ impl Loader<'_> {
         let mut normals: Vec<Vec3> =
             attribute(normals, buffers, count, |n: [f32; 3]| Vec3::from(n).normalize_or_zero());
         fill_normals(&mut normals, &positions, &triangles);
-        // Without normals, tangents are ignored (glTF 2.0, 3.7.2.1). Without a normal map, they are unused.
-        let wants_tangents = look.normal_texture.is_some() && !normals.is_empty();
+        // Without normals, tangents are ignored (glTF 2.0, 3.7.2.1). Few materials use them.
+        let wants_tangents = look.needs_tangents() && !normals.is_empty();
         let tangents = attribute(get(Semantic::Tangents).filter(|_| wants_tangents), buffers, count, Vec4::from_array);
         let uses = |set: usize| look.slots().any(|slot| slot.uv_set == set);
         let uvs = std::array::from_fn(|set| {

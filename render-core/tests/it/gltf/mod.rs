@@ -4,6 +4,7 @@ mod blender;
 mod cameras;
 mod extensions;
 mod file;
+mod lobes;
 mod material_pointers;
 mod packed;
 mod parts;

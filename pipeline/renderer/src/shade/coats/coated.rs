@@ -3,13 +3,16 @@
 use crate::shade::visibility::receiver;
 use glam::{Vec2, Vec3, Vec3A};
 use render_core::sampling::{frame, owen_sobol_point};
-use render_core::{Bsdf, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface};
+use render_core::{Bsdf, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface, SurfaceLobes, Surfaces};
 
 /// Minimum perceptual roughness of a coat without sharp reflections: half of its reflection is more than 2° off the
 /// mirror direction.
 const ROUGH: f32 = 0.2;
 /// Maximum perceptual roughness of a mirror: its lobe is about as wide as a pixel.
 const MIRROR: f32 = 0.05;
+
+/// Number of rays that show the reflections of a rough clearcoat, which reflects little light.
+const CLEARCOAT_RAYS: u32 = 8;
 
 /// Surface that may have a coat, seen from one direction.
 pub(super) struct Coated {
@@ -20,40 +23,83 @@ pub(super) struct Coated {
     pub outgoing: Vec3,
     pub bsdf: Bsdf,
     roughness: f32,
+    /// Further lobes; `None` for a plain material.
+    lobes: Option<Box<SurfaceLobes>>,
+    /// Whether the viewer is on the front's side.
+    is_front: bool,
+    /// Offset of rays from the surface \[m\].
+    epsilon: f32,
+}
+
+/// Reflection of a surface, with the axes of its shading frame.
+struct Finish {
+    axes: [Vec3; 3],
+    bsdf: Bsdf,
+    roughness: f32,
+    lobes: Option<Box<SurfaceLobes>>,
+    is_front: bool,
+}
+
+impl Finish {
+    /// Creates the reflection of a surface with the given shading normal.
+    fn new(surface: &Surface, normal: Vec3) -> Self {
+        let &Surface { albedo, specular, roughness, front: is_front, .. } = surface;
+        let Some(lobes) = &surface.lobes else {
+            let bsdf = Bsdf::new(albedo, specular, roughness);
+            return Self { axes: around(normal), bsdf, roughness, lobes: None, is_front };
+        };
+        let axes = lobes.axes(normal);
+        let bsdf = Bsdf::layered(lobes, axes, lobes.eta(is_front));
+        // Several lobes of different width are never a mirror.
+        let roughness = if lobes.has_several_widths() { lobes.roughness.max(MIRROR) } else { lobes.roughness };
+        Self { axes, bsdf, roughness, lobes: Some(lobes.clone()), is_front }
+    }
+}
+
+/// Returns orthonormal axes with the unit `normal` as z.
+fn around(normal: Vec3) -> [Vec3; 3] {
+    let (x, y) = frame(normal);
+    [x, y, normal]
 }
 
 impl Coated {
     /// Returns the surface of a pixel; `None` if it has no coat. Rays start `epsilon` meters off the surface.
-    pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, epsilon: f32) -> Option<Self> {
+    pub fn of_pixel(pixel: &PixelSurface, seen: &GBuffer, surfaces: &Surfaces, epsilon: f32) -> Option<Self> {
         if pixel.instance == NOTHING || pixel.specular == [0.0; 3] {
             return None;
         }
         let place = seen.view.project(pixel.position.into())?.pixel;
-        let (_, direction) = seen.view.ray(place);
+        let (origin, direction) = seen.view.ray(place);
+        let receiver = receiver(pixel, epsilon);
+        // Evaluate the lobes of few materials again: pixels contain only base and coat.
+        if surfaces.material(pixel.instance as usize).lobes.is_some() {
+            let hit = surfaces.hit_at(pixel.instance, pixel.triangle, pixel.position.into(), origin);
+            let surface = surfaces.at(&hit, direction, seen.view.pixel_width(pixel.depth));
+            return Some(Self::new(receiver, Finish::new(&surface, receiver.normal.into()), direction, epsilon));
+        }
         let bsdf = Bsdf::new(pixel.albedo.into(), pixel.specular.into(), pixel.roughness);
-        Some(Self::new(receiver(pixel, epsilon), bsdf, pixel.roughness, direction))
+        let axes = around(receiver.normal.into());
+        let finish = Finish { axes, bsdf, roughness: pixel.roughness, lobes: None, is_front: true };
+        Some(Self::new(receiver, finish, direction, epsilon))
     }
 
     /// Creates the `surface` as hit by a ray in the unit `direction`.
     pub fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
-        let &Surface { position, geometric_normal, shading_normal, albedo, specular, roughness, .. } = surface;
+        let &Surface { position, geometric_normal, shading_normal, .. } = surface;
         let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], epsilon);
-        Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, direction)
+        Self::new(receiver, Finish::new(surface, shading_normal.into()), direction, epsilon)
     }
 
     /// Creates the `surface` at `receiver` as seen along its normal.
     #[cfg(feature = "bake")]
     pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
-        let &Surface { albedo, specular, roughness, .. } = surface;
-        Self::new(receiver, Bsdf::new(albedo, specular, roughness), roughness, -receiver.normal)
+        Self::new(receiver, Finish::new(surface, receiver.normal.into()), -receiver.normal, 0.0)
     }
 
     /// Creates the surface at `receiver` as hit by a ray in the unit `direction`.
-    fn new(receiver: ShadingPoint, bsdf: Bsdf, roughness: f32, direction: Vec3A) -> Self {
-        let normal = Vec3::from(receiver.normal);
-        let (x, y) = frame(normal);
-        let axes = [x, y, normal];
-        let mut coated = Self { receiver, axes, outgoing: Vec3::Z, bsdf, roughness };
+    fn new(receiver: ShadingPoint, finish: Finish, direction: Vec3A, epsilon: f32) -> Self {
+        let Finish { axes, bsdf, roughness, lobes, is_front } = finish;
+        let mut coated = Self { receiver, axes, outgoing: Vec3::Z, bsdf, roughness, lobes, is_front, epsilon };
         coated.outgoing = coated.to_frame(-direction);
         coated
     }
@@ -78,9 +124,88 @@ impl Coated {
         self.bsdf.coat_albedo(self.outgoing.z)
     }
 
+    /// Returns the fraction of uniform light that coat and clearcoat reflect.
+    pub fn mirror_albedo(&self) -> Vec3 {
+        self.albedo() + self.clearcoat_albedo()
+    }
+
+    /// Returns the fraction of uniform light that a clearcoat reflects; zero without one.
+    pub fn clearcoat_albedo(&self) -> f32 {
+        self.bsdf.clearcoat_albedo(self.outgoing)
+    }
+
+    /// Returns the number of rays that show the reflections of the clearcoat.
+    pub fn clearcoat_rays(&self) -> u32 {
+        self.lobes.as_ref().map_or(0, |lobes| if lobes.clearcoat_roughness < MIRROR { 1 } else { CLEARCOAT_RAYS })
+    }
+
+    /// Returns a direction in world space that the clearcoat reflects, drawn with a random `point`.
+    pub fn clearcoat_direction(&self, point: Vec2) -> Option<Vec3A> {
+        self.to_world(self.bsdf.sample_clearcoat(self.outgoing, point)?)
+    }
+
     /// Returns the fraction of uniform light reflected by the base, and by multiple scattering in the coat.
     pub fn diffuse_albedo(&self) -> Vec3 {
         self.bsdf.diffuse_albedo(self.outgoing.z)
+    }
+
+    /// Returns whether the surface has lobes beyond base and coat.
+    pub fn has_lobes(&self) -> bool {
+        self.lobes.is_some()
+    }
+
+    /// Returns whether light passes through the surface.
+    pub fn transmits(&self) -> bool {
+        self.bsdf.transmits()
+    }
+
+    /// Returns whether refracted light is not scattered.
+    pub fn is_clear(&self) -> bool {
+        self.lobes.as_ref().is_none_or(|lobes| lobes.roughness < MIRROR)
+    }
+
+    /// Returns whether the viewer is not inside a transparent volume.
+    pub fn is_outside(&self) -> bool {
+        self.is_front || self.lobes.as_ref().is_none_or(|lobes| lobes.glass.is_thin)
+    }
+
+    /// Returns the fraction of light that a volume around the viewer transmits over a `distance` \[m\].
+    pub fn interior(&self, distance: f32) -> Vec3 {
+        match &self.lobes {
+            Some(lobes) if !self.is_outside() => (lobes.glass.attenuation * -distance).exp(),
+            _ => Vec3::ONE,
+        }
+    }
+
+    /// Returns the fraction of uniform light that refraction transmits toward the viewer.
+    pub fn transmittance(&self) -> Vec3 {
+        self.bsdf.refracted_albedo(self.outgoing.z)
+    }
+
+    /// Returns the fraction of uniform light that the base transmits diffusely toward the viewer.
+    pub fn diffuse_transmittance(&self) -> Vec3 {
+        self.bsdf.below_albedo(self.outgoing.z)
+    }
+
+    /// Returns the direction of refraction in the shading frame; `None` at total reflection.
+    pub fn refracted(&self) -> Option<Vec3> {
+        self.bsdf.refract(self.outgoing, None)
+    }
+
+    /// Returns the direction of refraction at a facet drawn with a random `point`.
+    pub fn refracted_at(&self, point: Vec2) -> Option<Vec3> {
+        self.bsdf.refract(self.outgoing, Some(point))
+    }
+
+    /// Returns the position slightly off the far side of the surface \[m\].
+    pub fn far_side(&self) -> Vec3A {
+        self.receiver.position - self.receiver.geometric_normal * (2.0 * self.epsilon)
+    }
+
+    /// Transforms a direction from the shading frame to world space; returns `None` if it is above the triangle.
+    pub fn to_far_side(&self, local: Vec3) -> Option<Vec3A> {
+        let direction = self.direction(local);
+        (direction.dot(self.receiver.geometric_normal) < 0.0).then_some(direction)
     }
 
     /// Transforms a world-space vector to the shading frame.

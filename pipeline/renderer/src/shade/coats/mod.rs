@@ -21,12 +21,15 @@
 //! A pixel traces few rays and shares the rays of nearby pixels (`neighbors.rs`); if these differ, it traces more.
 //! Rough coats with baked light sample that light without rays (`texel.rs`).
 //!
+//! Glass adds refracted rays (`glass.rs`).
+//!
 //! Reflected surfaces are computed less accurately than visible ones (`reflections.rs`). Coats of roughness ≥ 0.2 show
 //! the radiance of photons stored in surfels. In smoother coats, reflected surfaces have direct light and a coarse
 //! lightcut. A smooth coat within a smooth coat reflects light sources by its lobe, and all other light in the mirror
 //! direction.
 
 mod coated;
+mod glass;
 mod neighbors;
 mod reflections;
 mod sparks;
@@ -38,6 +41,7 @@ use super::macroblock::{by_macroblock, places};
 use super::tolerance::Tolerance;
 #[cfg(feature = "bake")]
 use crate::BAKED_ROUGHNESS;
+use crate::frame::Frame;
 use coated::{Coated, Points};
 use glam::{Vec2, Vec3};
 use lighttree::Scratch;
@@ -46,7 +50,7 @@ use plane::Plane;
 use ranks::portable;
 use reflections::{Brought, KnownIrradiance, Reflections, Typical};
 use render_core::ranks::Alone;
-use render_core::{Busy, GBuffer, Hit, PixelSurface, Surface};
+use render_core::{Busy, GBuffer, Hit, PixelSurface, Surface, Surfaces};
 use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
 pub(crate) use texel::{KnownScene, TexelCoat, arriving_light};
@@ -59,8 +63,8 @@ const RAYS: [u32; 2] = [8, 16];
 
 /// Returns `seen` with the albedo below coats toward the viewer, for all light that [`Coats`] do not reflect. Surfaces
 /// without a coat are unchanged.
-pub(super) fn below_coats(seen: &GBuffer) -> GBuffer {
-    let pixels = seen.pixels.map(|pixel| match Coated::of_pixel(&pixel, seen, 0.0) {
+pub(super) fn below_coats(seen: &GBuffer, surfaces: &Surfaces) -> GBuffer {
+    let pixels = seen.pixels.map(|pixel| match Coated::of_pixel(&pixel, seen, surfaces, 0.0) {
         Some(coated) => PixelSurface { albedo: coated.diffuse_albedo().into(), ..pixel },
         None => pixel,
     });
@@ -80,7 +84,8 @@ fn looked_up(
     pixel: &PixelSurface,
 ) -> Option<Lobe> {
     // Add light sources, which are not in the baked light.
-    let texels = known.filter(|_| pixel.roughness >= BAKED_ROUGHNESS)?.texels();
+    let is_baked = pixel.roughness >= BAKED_ROUGHNESS && !coated.has_lobes();
+    let texels = known.filter(|_| is_baked)?.texels();
     let light = texels.coat_at(pixel, &reflections.prepared.surfaces, coated.middle().into())?;
     Some(Lobe::without_rays(reflections.sources(coated) + coated.albedo() * light))
 }
@@ -178,12 +183,16 @@ impl Traced {
 
 /// Returns the coat of a pixel; `None` if the pixel has none.
 fn coated(reflections: &Reflections, seen: &GBuffer, x: usize, y: usize) -> Option<Coated> {
-    Coated::of_pixel(&seen.pixels.get(x, y), seen, reflections.prepared.epsilon)
+    let Frame { surfaces, epsilon, .. } = reflections.prepared;
+    Coated::of_pixel(&seen.pixels.get(x, y), seen, surfaces, *epsilon)
 }
 
 /// Computes the light of a coat with the pixel's own rays.
 fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) -> Lobe {
-    let known = reflections.sources(coated);
+    let transmitted = reflections.transmitted(coated, Points::of_pixel(x, y));
+    let rays = coated.clearcoat_rays();
+    let clearcoat = reflections.clearcoat(coated, Points::of_pixel(x, y).first(rays), rays);
+    let known = reflections.sources(coated) + transmitted + clearcoat;
     // Trace a single ray for a mirror: its lobe is about as wide as a pixel.
     if coated.is_mirror() {
         return Lobe::without_rays(known + reflections.mirrored(coated));

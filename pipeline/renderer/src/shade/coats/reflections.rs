@@ -129,6 +129,19 @@ pub(super) struct ReflectedRay {
     pub is_kept: bool,
 }
 
+/// Place of a surface on a ray.
+#[derive(Clone, Copy)]
+pub(super) struct Passage {
+    /// Distance from the previous surface \[m\].
+    pub distance: f32,
+    /// Fraction of the pixel's light that arrives along the ray.
+    pub share: f32,
+    /// Number of transparent surfaces before this one.
+    pub surfaces: u32,
+    /// Ratio of the texture footprint to the distance.
+    pub spread: f32,
+}
+
 /// Function that returns the irradiance at a hit \[W·m⁻²\]; `None` if the irradiance is not known.
 pub(crate) type KnownIrradiance<'a> = &'a (dyn Fn(&Hit, &Surface) -> Option<Vec3> + Sync);
 
@@ -144,10 +157,13 @@ impl Reflections<'_> {
             let excess = coated.bsdf.diffuse_excess(outgoing, towards);
             if with_coat { excess + coated.bsdf.evaluate_coat(outgoing, towards, half_angle) } else { excess }
         };
+        // Rays find the area lights that a clearcoat reflects.
+        let clearcoat =
+            |direction, half| coated.bsdf.evaluate_clearcoat(coated.outgoing, coated.to_frame(direction), half);
         // Omit area lights for a smooth coat without a visible base: reflection rays find them.
         let (rough, has_base) = (coated.is_rough(), luminance(coated.diffuse_albedo()) > NO_BASE);
         let area_brdf = (rough || has_base).then_some(|direction, half_angle| brdf_of(direction, half_angle, rough));
-        let brdf = |direction, half_angle| brdf_of(direction, half_angle, true);
+        let brdf = |direction, half_angle| brdf_of(direction, half_angle, true) + clearcoat(direction, half_angle);
         self.counted(direct.reflected(accelerator, &coated.receiver, brdf, area_brdf))
     }
 
@@ -158,6 +174,21 @@ impl Reflections<'_> {
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
         let ray = ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1, is_kept: false };
         albedo * self.along(coated, ray).0
+    }
+
+    /// Returns the radiance that a clearcoat reflects, except the light of points and suns \[W·m⁻²·sr⁻¹\].
+    pub fn clearcoat(&mut self, coated: &Coated, points: impl Iterator<Item = Vec2>, rays: u32) -> Vec3 {
+        let albedo = coated.clearcoat_albedo();
+        if albedo <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let (mut sum, origin) = (Vec3::ZERO, coated.receiver.position);
+        for point in points {
+            let Some(direction) = coated.clearcoat_direction(point) else { continue };
+            let ray = ReflectedRay { direction, spread: 0.0, share: albedo, rays, is_kept: false };
+            sum += self.along_from(origin, ray, false, 0).0;
+        }
+        sum * (albedo / rays as f32)
     }
 
     /// Traces rays with `points`, one by one. `rays` is the number of rays that the pixel will have in total.
@@ -182,13 +213,19 @@ impl Reflections<'_> {
     /// Returns the radiance that arrives at the coat along a ray \[W·m⁻²·sr⁻¹\], and the distance to the first hit
     /// \[m\].
     pub fn along(&mut self, coated: &Coated, ray: ReflectedRay) -> (Vec3, f32) {
+        self.along_from(coated.receiver.position, ray, coated.is_rough(), 0)
+    }
+
+    /// Returns the radiance that arrives at a coat along a ray from `origin`, as [`along`](Self::along) does. `blurred`
+    /// is whether the coat is rough, and `glass` is the number of transparent surfaces before the ray.
+    pub fn along_from(&mut self, origin: Vec3A, ray: ReflectedRay, blurred: bool, glass: u32) -> (Vec3, f32) {
         // Follow the ray through coats until the contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
-        let (mut origin, mut direction, mut throughput) = (coated.receiver.position, ray.direction, Vec3::ONE);
+        let (mut origin, mut direction, mut throughput) = (origin, ray.direction, Vec3::ONE);
         let mut sum = Vec3::ZERO;
-        // Store the roughness of the first coat, and of the last coat that the ray has left.
-        let (blurred, mut rough) = (coated.is_rough(), coated.is_rough());
+        // Store the roughness of the last coat that the ray has left.
+        let mut rough = blurred;
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
             // Find the next surface on the ray's path, or the sky.
@@ -214,9 +251,16 @@ impl Reflections<'_> {
                 break;
             }
 
-            // Follow a coat while its reflection is a large enough fraction of the pixel's light.
+            // Continue on both sides of transparent surfaces.
             let met = Coated::of_surface(&surface, direction, *epsilon);
-            let (coat, diffuse) = (met.albedo(), met.diffuse_albedo());
+            if met.transmits() {
+                let share = ray.share * luminance(throughput);
+                let passage = Passage { distance: hit.distance, share, surfaces: glass, spread: ray.spread };
+                return (sum + throughput * self.glass(&met, passage), first);
+            }
+
+            // Follow a coat while its reflection is a large enough fraction of the pixel's light.
+            let (coat, diffuse) = (met.mirror_albedo(), met.diffuse_albedo());
             let share = ray.share * luminance(throughput);
             let is_metal = luminance(coat) > luminance(diffuse);
             let least_share = if blurred { LEAST_SHARE_IN_ROUGH[usize::from(met.is_rough())] } else { LEAST_SHARE };
@@ -232,8 +276,7 @@ impl Reflections<'_> {
                     gather.surfel_radiance(PosedScene::new(accelerator, surfaces), &surface, hit.instance)
                         * (luminance(albedo) / luminance(diffuse + coat).max(f32::MIN_POSITIVE))
                 } else {
-                    let loose = LOOSE * (ray.rays as f32).sqrt() / share.max(LEAST_SHARE);
-                    self.matte(&met.receiver, albedo, loose.clamp(LOOSE, LOOSEST))
+                    self.matte(&met.receiver, albedo, Self::loose(share / (ray.rays as f32).sqrt()))
                 };
             if ends {
                 break;
@@ -255,9 +298,14 @@ impl Reflections<'_> {
         traced.value
     }
 
+    /// Returns the permitted relative error of clusters for a ray with this fraction of the pixel's light.
+    pub fn loose(share: f32) -> f32 {
+        (LOOSE / share.max(LEAST_SHARE)).clamp(LOOSE, LOOSEST)
+    }
+
     /// Returns the radiance that a matte surface at `receiver` reflects \[W·m⁻²·sr⁻¹\]. `loose` is the permitted
     /// relative error of clusters.
-    fn matte(&mut self, receiver: &ShadingPoint, albedo: Vec3, loose: f32) -> Vec3 {
+    pub fn matte(&mut self, receiver: &ShadingPoint, albedo: Vec3, loose: f32) -> Vec3 {
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }

@@ -54,6 +54,12 @@ impl Stage {
         self
     }
 
+    /// Returns the coat of a pixel.
+    fn coated(&self, seen: &GBuffer, x: usize, y: usize) -> Option<Coated> {
+        let pose = self.0.pose(0.0);
+        Coated::of_pixel(&seen.pixels.get(x, y), seen, &Surfaces::new(&self.0, &pose), 0.0)
+    }
+
     /// Returns the light that coats reflect to each pixel, and the first hits of the camera's rays.
     fn reflected(&self) -> (Plane<Vec3>, GBuffer) {
         let (settings, plan) = self.settings();
@@ -91,10 +97,12 @@ fn a_plate_in_even_light_shows_its_albedo() {
     for roughness in [0.0, 0.1, 0.25, 0.6, 1.0] {
         for color in [Vec3::ONE, Vec3::new(0.9, 0.5, 0.1)] {
             let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(color, roughness));
-            let (light, seen) = stage.under_a_sky(2.0).reflected();
-            let below = below_coats(&seen);
+            let stage = stage.under_a_sky(2.0);
+            let (light, seen) = stage.reflected();
+            let pose = stage.0.pose(0.0);
+            let below = below_coats(&seen, &Surfaces::new(&stage.0, &pose));
             for (x, y) in places(0..SIDE, 0..SIDE) {
-                let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the image");
+                let coated = stage.coated(&seen, x, y).expect("the plate fills the image");
                 let albedo = coated.albedo();
                 let got = light.get(x, y) / 2.0;
                 assert!((got - albedo).abs().max_element() < 1e-3, "{got} is not {albedo} at roughness {roughness}");
@@ -151,7 +159,7 @@ fn metal_shows_a_lamp_as_its_lobe_says() {
         let (light, seen) = stage.reflected();
         let (mut off, mut sum, mut expected_sum) = (0.0, 0.0, 0.0);
         for (x, y) in places(0..SIDE, 0..SIDE) {
-            let Some(coated) = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0) else { continue };
+            let Some(coated) = stage.coated(&seen, x, y) else { continue };
             let steps = 40;
             let expected: Vec3 = places(0..steps, 0..steps)
                 .map(|(i, j)| {
@@ -183,7 +191,7 @@ fn points_of_light_are_seen_by_their_lobe() {
     stage.0.punctual_lights.push(PunctualLight { node: 2, color: Vec3::splat(7.0), kind: PunctualKind::Point });
     let (light, seen) = stage.reflected();
     for (x, y) in places(0..SIDE, 0..SIDE) {
-        let coated = Coated::of_pixel(&seen.pixels.get(x, y), &seen, 0.0).expect("the plate fills the image");
+        let coated = stage.coated(&seen, x, y).expect("the plate fills the image");
         let way = Vec3A::from(place) - coated.receiver.position;
         let direction = way.normalize();
         let f = reflectance(&coated, direction);
@@ -212,8 +220,7 @@ fn the_sun_is_seen_as_a_disc() {
         let (x, y) = frame(towards);
         let (mut off, mut sum) = (0.0, 0.0);
         for (column, row) in places(0..SIDE, 0..SIDE) {
-            let coated =
-                Coated::of_pixel(&seen.pixels.get(column, row), &seen, 0.0).expect("the plate fills the image");
+            let coated = stage.coated(&seen, column, row).expect("the plate fills the image");
             let count = 512;
             let disc = (0..count).map(|i| {
                 let p = concentric_disc(sobol_point(i)) * 1.5f32.to_radians().sin();

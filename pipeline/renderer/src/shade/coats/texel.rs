@@ -99,7 +99,7 @@ pub(crate) fn arriving_light(
     scratch: &mut Scratch,
 ) -> impl Iterator<Item = (Vec3A, Vec3)> {
     // A rough surface omits the emission of lamps that direct light samples.
-    let coated = Coated::at(receiver, &Surface { roughness: 1.0, ..*surface });
+    let coated = Coated::at(receiver, &Surface { roughness: 1.0, lobes: None, ..surface.clone() });
     let rays = hemisphere(count);
     let light = light_along(scene, &coated, &rays, scratch);
     rays.into_iter().zip(light).map(move |(ray, light)| (coated.unclipped(ray), light))
