@@ -21,6 +21,9 @@ const SAMPLES: usize = 64;
 /// Number of sample points traced first. The remaining points are skipped if the first points and the corners of the
 /// light agree. Without corners, a penumbra begins too late and with a step.
 const FIRST_SAMPLES: usize = 16;
+/// Maximum half-angle of the disc that represents several samples in a lobe \[rad\]. Half of it is at most half of α for
+/// roughness ≥ 0.2, so the lobe is nearly linear over the disc.
+const WIDEST_DISC: f32 = 0.04;
 /// Distance of corner samples from the corner, as a fraction of the distance to the center. Objects that touch a lamp
 /// occlude its border.
 const INWARD: f32 = 0.05;
@@ -76,6 +79,55 @@ impl SampledArea {
     /// Returns the balance factor for the samples' light at a receiver.
     fn balance_at(&self, receiver: &ShadingPoint) -> f32 {
         self.balance.as_ref().map_or(1.0, |balance| balance.at(receiver.position))
+    }
+
+    /// Returns the light that a surface with `brdf` reflects, by the first samples; `None` if these are too few. The light
+    /// of the first samples is scaled by the ratio of the irradiance from all samples to the irradiance from the first
+    /// samples.
+    fn reflected_by_first(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Option<Vec3>> {
+        let few = Traced { value: None, shadow_rays: 0 };
+        if self.corners.is_empty() || self.samples.len() <= FIRST_SAMPLES {
+            return few;
+        }
+
+        // Let each of the first samples represent an equal fraction of the light.
+        let share = self.samples.len() as f32 / FIRST_SAMPLES as f32;
+        let (first, rest) = self.samples.split_at(FIRST_SAMPLES);
+        let (mut ends, mut active) = ([Vec3A::ZERO; PACKET], 0);
+        let (mut value, mut near) = (Vec3::ZERO, Vec3::ZERO);
+        for (i, sample) in first.iter().enumerate() {
+            let way = sample.position - receiver.position;
+            let (distance, irradiance) = (way.length(), self.unhidden_sample(receiver, sample));
+            let half_angle = (share * sample.area / PI).sqrt() / distance;
+            if half_angle > WIDEST_DISC {
+                return few;
+            }
+            ends[i] = sample.position;
+            if irradiance != Vec3::ZERO {
+                near += irradiance;
+                value += irradiance * brdf(way / distance, half_angle);
+                active |= 1 << i;
+            }
+        }
+
+        // Trace the corners too: they find penumbras earlier.
+        let count = (FIRST_SAMPLES + self.corners.len()).min(PACKET);
+        for (i, corner) in (FIRST_SAMPLES..count).zip(&self.corners) {
+            ends[i] = corner.position;
+            active |= u64::from(receiver.cosine_to(corner.position).0 > 0.0) << i;
+        }
+        let hidden = shadows.opaque().occluded_packet(receiver.position, &ends[..count], active) & active;
+        let shadow_rays = u64::from(active.count_ones());
+        let is_passed = |i: usize| shadows.passed(receiver.position, ends[i]).min_element() >= 1.0;
+        let value = if hidden == active {
+            Some(Vec3::ZERO)
+        } else if hidden == 0 && bits(active).all(is_passed) {
+            let whole = near + rest.iter().map(|sample| self.unhidden_sample(receiver, sample)).sum::<Vec3>();
+            Some(value * self.balance_at(receiver) * whole / near.max(Vec3::splat(f32::MIN_POSITIVE)))
+        } else {
+            None
+        };
+        Traced { value, shadow_rays }
     }
 
     /// Returns the unshadowed irradiance from the whole light \[W·m⁻²\].
@@ -137,8 +189,14 @@ impl Sampled for SampledArea {
         }
     }
 
+    /// Returns the reflected light by the first samples alone if these agree with the corners on the light's visibility;
+    /// otherwise by all samples.
     fn reflected(&self, shadows: &Shadows, receiver: &ShadingPoint, brdf: Brdf) -> Traced<Vec3> {
-        let mut whole = Traced::default();
+        let mut whole = self.reflected_by_first(shadows, receiver, brdf);
+        if let Some(value) = whole.value {
+            return Traced { value, shadow_rays: whole.shadow_rays };
+        }
+        let mut whole = Traced { value: Vec3::ZERO, shadow_rays: std::mem::take(&mut whole.shadow_rays) };
         let balance = self.balance_at(receiver);
         for samples in self.samples.chunks(PACKET) {
             // L = f E of each sample, if unoccluded. The BRDF is evaluated for a disc of the sample's area.
