@@ -50,7 +50,10 @@ pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};
 pub use posed_scene::PosedScene;
 pub use ranks::{self, Busy, Timed, process_seconds};
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
-pub use reprojected::{AuditCounts, Completed, Destination, Reprojected, ReprojectedLight, Reuse, Unseen};
+pub use reprojected::{
+    AuditCounts, CoatView, CoatsInView, Completed, Destination, LobeLight, ReflectedLight, Reprojected,
+    ReprojectedCoats, ReprojectedLight, Reuse, Unseen,
+};
 pub use surface::{Paint, Surface, Surfaces};
 pub use swept::SweptVolume;
 

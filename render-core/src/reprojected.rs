@@ -15,6 +15,7 @@
 //! in penumbras. A pixel is also lit if its surface was not visible before.
 
 mod near;
+mod reflected;
 mod sample;
 mod trust;
 
@@ -22,9 +23,10 @@ use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
 use crate::{Timed, luminance};
 use glam::{Vec2, Vec3, Vec3A};
-use near::{Estimate, NearSamples};
+use near::{NearLight, NearSamples};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
+pub use reflected::{CoatView, CoatsInView, LobeLight, ReflectedLight, ReprojectedCoats};
 use sample::Sample;
 use trust::Trust;
 
@@ -76,6 +78,8 @@ struct Audit {
     luminance: f32,
     /// Estimated error of the reprojected light's luminance \[W·m⁻²\].
     error: f32,
+    /// Standard deviation of the reprojected light's luminance; 0 for light without noise.
+    noise: f32,
     tolerance: f32,
     /// Whether the light would have been reused under the current limit.
     is_trusted: bool,
@@ -119,18 +123,26 @@ impl Reprojected {
             }
         }
 
-        // Measure the errors of reprojected light at audited pixels, which were lit too. All errors train the trust in
-        // estimates. Count only pixels that would have been reused without the audit.
-        let mut counts = AuditCounts::default();
-        light.trust.forget();
-        for Audit { pixel, luminance: reprojected, error, tolerance, is_trusted } in audits {
-            let difference = (luminance(lit[pixel as usize].into()) - reprojected).abs();
-            light.trust.note(error / tolerance, difference / tolerance);
-            counts.all += usize::from(is_trusted);
-            counts.within += usize::from(is_trusted && difference <= tolerance);
-        }
-        Completed { irradiance, audits: counts }
+        let difference = |audit: &Audit| Some((luminance(lit[audit.pixel as usize].into()) - audit.luminance).abs());
+        let audits = judged(audits, difference, &mut light.trust);
+        Completed { irradiance, audits }
     }
+}
+
+/// Measures the errors of reprojected light at audited pixels, which were lit too. `difference` returns the error of a
+/// pixel's luminance, if it has new light. All errors train the `trust` in estimates. The counts contain only pixels that
+/// would have been reused without the audit.
+fn judged(audits: Vec<Audit>, difference: impl Fn(&Audit) -> Option<f32>, trust: &mut Trust) -> AuditCounts {
+    let mut counts = AuditCounts::default();
+    trust.forget();
+    for audit in audits {
+        let Some(difference) = difference(&audit) else { continue };
+        let Audit { error, tolerance, is_trusted, .. } = audit;
+        trust.note(error / tolerance, difference / tolerance);
+        counts.all += usize::from(is_trusted);
+        counts.within += usize::from(is_trusted && difference <= tolerance);
+    }
+    counts
 }
 
 /// Picture to which light is reprojected.
@@ -237,7 +249,7 @@ impl ReprojectedLight {
         // Select the 3×3 samples on the surface of `pixel`, by their positions along it. The other samples bound the
         // brightness of adjacent light.
         let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
-        let mut near = NearSamples::new(usual);
+        let (mut near, mut samples) = (NearSamples::new(usual), [Sample::NONE; 9]);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let sample = self.samples.get(x, y);
@@ -248,12 +260,24 @@ impl ReprojectedLight {
                     && way.dot(normal).abs() <= off_plane
                     && sample.normal().dot(shading_normal) >= ALIKE_COSINE
                 {
-                    near.add(sample, Vec2::new(way.dot(axes[0]), way.dot(axes[1])));
+                    samples[near.count()] = sample;
+                    near.add(sample.irradiance(), Vec2::new(way.dot(axes[0]), way.dot(axes[1])));
                 }
             }
         }
-        near.at_origin(width_facing * slant)
+        // Irradiance is not negative, but its extrapolation may be.
+        let NearLight { nearest, light, error, .. } = near.at_origin(width_facing * slant)?;
+        Some(Estimate { sample: samples[nearest], irradiance: light.max(Vec3::ZERO), error })
     }
+}
+
+/// Estimated irradiance at a point, and its error.
+struct Estimate {
+    /// The nearest sample.
+    sample: Sample,
+    irradiance: Vec3,
+    /// Estimated error of the luminance \[W·m⁻²\].
+    error: f32,
 }
 
 /// Parameters of the reprojection to a picture.
@@ -339,7 +363,7 @@ where
         let is_trusted = error <= self.limit * tolerance;
         if reuse == Reuse::Audited {
             let pixel = (y * seen.pixels.width() + x) as u32;
-            return Outcome::Audited(Audit { pixel, luminance, error, tolerance, is_trusted });
+            return Outcome::Audited(Audit { pixel, luminance, error, noise: 0.0, tolerance, is_trusted });
         }
         if is_trusted { Outcome::Reprojected(estimate) } else { Outcome::Lost }
     }

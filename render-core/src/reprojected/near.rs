@@ -1,6 +1,5 @@
 //! Estimation of the light at a point from nearby samples, and of the error of this light.
 
-use super::sample::Sample;
 use crate::luminance;
 use glam::{Mat2, Vec2, Vec3};
 
@@ -17,13 +16,15 @@ const UNSEEN_CONTRAST: f32 = 0.5;
 /// collinear samples.
 const STIFFNESS: f32 = 0.01;
 
-/// Estimated light at a point, and its error.
-pub(super) struct Estimate {
-    /// The nearest sample.
-    pub sample: Sample,
-    pub irradiance: Vec3,
-    /// Estimated error of the luminance \[W·m⁻²\].
+/// Light estimated from samples, and its error.
+pub(super) struct NearLight {
+    /// Index of the nearest sample, in the order of [`NearSamples::add`].
+    pub nearest: usize,
+    pub light: Vec3,
+    /// Estimated error of the luminance, in units of the light.
     pub error: f32,
+    /// Length of the luminance's slope, in units of the light per unit of the positions.
+    pub slope: f32,
 }
 
 /// Samples near a point, with positions relative to the point.
@@ -36,7 +37,6 @@ pub(super) struct NearSamples {
     has_borders: bool,
     places: [Vec2; 9],
     light: [Vec3; 9],
-    samples: [Sample; 9],
 }
 
 /// Variation of the light between samples.
@@ -55,15 +55,18 @@ impl NearSamples {
         Self { brightest: usual.unwrap_or(0.0), has_borders: usual.is_some(), ..Self::default() }
     }
 
-    pub fn add(&mut self, sample: Sample, place: Vec2) {
-        let k = self.count;
-        (self.places[k], self.light[k], self.samples[k]) = (place, sample.irradiance(), sample);
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    pub fn add(&mut self, light: Vec3, place: Vec2) {
+        (self.places[self.count], self.light[self.count]) = (place, light);
         self.count += 1;
     }
 
     /// Estimates the light at the origin. Returns `None` if no sample is within [`NEAREST`] of the origin, in units of
     /// the samples' `spacing`. If the samples are insufficient, the light may differ by [`UNSEEN_CONTRAST`].
-    pub fn at_origin(&self, spacing: f32) -> Option<Estimate> {
+    pub fn at_origin(&self, spacing: f32) -> Option<NearLight> {
         // Reuse the nearest sample, x₀. If it is more than a pixel away, the light at the origin is unknown.
         let (places, nearest) = (&self.places[..self.count], NEAREST * spacing);
         let distance2 = |k: usize| places[k].length_squared();
@@ -84,10 +87,11 @@ impl NearSamples {
         let unseen = if self.has_borders { unseen.sqrt() } else { unseen };
         let error = contrast * share + UNSEEN_CONTRAST * unseen * self.brightest;
 
-        // Extrapolate E(0) = E₀ − g · x₀ by channel, but not below zero.
+        // Extrapolate E(0) = E₀ − g · x₀ by channel.
         let change = Vec3::from_array(slopes.map(|g| -g.dot(places[first])));
-        let irradiance = (self.light[first] + change).max(Vec3::ZERO);
-        Some(Estimate { sample: self.samples[first], irradiance, error })
+        let along = |axis: usize| luminance(Vec3::from_array(slopes.map(|g| g[axis])));
+        let slope = Vec2::new(along(0), along(1)).length();
+        Some(NearLight { nearest: first, light: self.light[first] + change, error, slope })
     }
 
     /// Returns the variation of the light, by the best model for the number of samples. `spacing` is the usual distance

@@ -10,7 +10,7 @@ use crate::frame::Frame;
 use glam::Vec3A;
 use pipeline::error::Result;
 use plane::Plane;
-use render_core::{DirectLights, PixelSurface, ShadingPoint, Source, Timed, Unseen};
+use render_core::{DirectLights, GBuffer, PixelSurface, ShadingPoint, Source, Timed, Unseen};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -113,7 +113,7 @@ impl Reprojectable for Direct {
         Holding::Where(Box::new(move |x, y| {
             let pixel = matte.pixels.get(x, y);
             // Enlarge the boxes: reprojection may use an adjacent pixel's sample, whose light must be unchanged, too.
-            let margin = BESIDE * matte.view.pixel_width(pixel.depth);
+            let margin = margin(matte, &pixel);
             let is_shaded_by = |thing: &MovingBox| {
                 let thing = thing.grown(margin);
                 sources.iter().any(|source| shades(&thing, pixel.position.into(), source))
@@ -121,6 +121,11 @@ impl Reprojectable for Direct {
             !moves[pixel.instance as usize] && !swept.iter().any(is_shaded_by)
         }))
     }
+}
+
+/// Returns the margin around movers within which the light of `pixel` is not reprojected \[m\].
+pub(super) fn margin(seen: &GBuffer, pixel: &PixelSurface) -> f32 {
+    BESIDE * seen.view.pixel_width(pixel.depth)
 }
 
 /// Returns whether `thing` may be between `point` and a light.

@@ -2,7 +2,7 @@
 
 use super::all_lights::AllLights;
 use super::cached::Cached;
-use super::coats::Coats;
+use super::coats::{Coats, ReprojectedCoats};
 use super::direct::Direct;
 use super::layer::{Layer, Lit, RegionLayer, Visible};
 use super::lit_frame::Sample;
@@ -33,13 +33,13 @@ impl Layers {
     ///
     /// | light | layers |
     /// |---|---|
-    /// | direct | [`Direct`], with reprojection if the plan has it; [`Coats`], except with tiles |
+    /// | direct | [`Direct`], with reprojection if the plan has it; [`Coats`], likewise, except with tiles |
     /// | indirect | [`Cached`], with reprojection if the plan has it; or [`PerPixel`]; or [`AllLights`] |
     pub fn new(settings: &RenderSettings, plan: &Plan, ranks: &Arc<dyn Ranks>) -> Self {
         let carries = plan.is_on(Stage::ReprojectedLight);
         let mut direct = vec![reprojected_if(carries, Direct::default(), settings)];
         if plan.is_on(Stage::Gloss) && settings.tiles.is_none() {
-            direct.push(Box::new(Coats));
+            direct.push(if carries { Box::new(ReprojectedCoats::new(settings.qscale)) } else { Box::new(Coats) });
         }
 
         // Reproject no light of the layer if light is baked: the layer lights only surfaces without valid texels.

@@ -7,7 +7,7 @@
 //! | `layers` | the layers of a scene |
 //! | `direct`, `coats` | layers of direct light |
 //! | `cached`, `per_pixel`, `all_lights`, `baked` | layers of indirect light |
-//! | `reprojected` | a layer around another one: reprojects its light of the previous frame |
+//! | `reprojected`, `coats::reprojected` | layers around other ones: reproject light of the previous frame |
 //! | `tolerance` | permitted error of each pixel's light |
 //! | `tiles` | tiles of a frame that ranks request on demand |
 //! | `importance` | importance map, which sets samples and thresholds |

@@ -53,9 +53,14 @@ pub(super) struct Reprojected<L> {
 impl<L> Reprojected<L> {
     /// Wraps `layer` for a film coded with `quantiser_scale`, 1…112.
     pub fn new(layer: L, quantiser_scale: u32) -> Self {
-        let allowed = (quantiser_scale as f32 / ALLOWED_ONE).powi(2).clamp(ALLOWED.0, ALLOWED.1);
-        Self { layer, light: ReprojectedLight::default(), allowed }
+        Self { layer, light: ReprojectedLight::default(), allowed: allowed_error(quantiser_scale) }
     }
+}
+
+/// Returns the permitted mean square error of reprojection in a film coded with `quantiser_scale`, 1…112, in squares of
+/// the tolerance.
+pub(super) fn allowed_error(quantiser_scale: u32) -> f32 {
+    (quantiser_scale as f32 / ALLOWED_ONE).powi(2).clamp(ALLOWED.0, ALLOWED.1)
 }
 
 impl<L: Reprojectable> Layer for Reprojected<L> {

@@ -150,6 +150,13 @@ impl<'a> Tolerance<'a> {
         }
     }
 
+    /// Returns the permitted error of the luminance of a coat's light, for `light` with that luminance and a pixel with
+    /// the luminance `known` of all earlier light \[W·m⁻²·sr⁻¹\].
+    #[must_use]
+    pub fn of_coat(&self, x: usize, y: usize, known: f32, light: f32) -> f32 {
+        self.absolute(x, y).unwrap_or_else(|| self.share / self.gain(x, y) * (known + light).max(0.0))
+    }
+
     /// Returns the threshold ΔY of a pixel without gain \[W·m⁻²·sr⁻¹\]; `None` if it has no threshold.
     #[must_use]
     pub fn threshold(&self, x: usize, y: usize) -> Option<f32> {

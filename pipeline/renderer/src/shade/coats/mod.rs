@@ -19,7 +19,8 @@
 //! Under uniform light, a coat is therefore uniform for any number of rays.
 //!
 //! A pixel traces few rays and shares the rays of nearby pixels (`neighbors.rs`); if these differ, it traces more.
-//! Rough coats with baked light sample that light without rays (`texel.rs`).
+//! Rough coats with baked light sample that light without rays (`texel.rs`). Other rough coats reuse the light of the
+//! previous frame (`reprojected.rs`).
 //!
 //! Glass adds refracted rays (`glass.rs`).
 //!
@@ -32,6 +33,7 @@ mod coated;
 mod glass;
 mod neighbors;
 mod reflections;
+mod reprojected;
 mod sparks;
 #[cfg(feature = "bake")]
 mod texel;
@@ -51,6 +53,7 @@ use ranks::portable;
 use reflections::{Brought, KnownIrradiance, Reflections, Typical};
 use render_core::ranks::Alone;
 use render_core::{Busy, GBuffer, Hit, PixelSurface, Surface, Surfaces};
+pub(super) use reprojected::ReprojectedCoats;
 use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
 pub(crate) use texel::{KnownScene, TexelCoat, arriving_light};
@@ -104,55 +107,81 @@ fn own_lobe(known: Option<&dyn KnownLight>, reflections: &mut Reflections, seen:
 
 impl Layer for Coats {
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, _: &Tolerance<'_>) -> Lit {
-        let Visible { frame, surfaces: seen, ranks, .. } = *visible;
-        let (width, height) = (seen.pixels.width(), seen.pixels.height());
         let (busy, shadow_rays) = (Busy::default(), AtomicU64::new(0));
         let is_wanted = |x, y| wanted.is_none_or(|wanted| wanted.get(x, y));
-        let of_known =
-            visible.known.map(|light| move |hit: &Hit, surface: &Surface| Some(light.irradiance(hit, surface)));
-        let known = of_known.as_ref().map(|irradiance| irradiance as KnownIrradiance);
-
-        // Trace a few rays for each pixel.
-        let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
-            let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
-            let mut lobes = Vec::with_capacity(columns.len() * rows.len());
-            for (x, y) in places(columns, rows) {
-                lobes.push(if is_wanted(x, y) {
-                    own_lobe(visible.known, &mut reflections, seen, x, y)
-                } else {
-                    Lobe::default()
-                });
-            }
-            shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
-            lobes
-        }));
-
-        // Find light that is much brighter than typical light around it.
-        let beyond = busy.take(by_macroblock(
-            &Alone,
-            width,
-            height,
-            || (),
-            |(), columns, rows| {
-                let of = |(x, y)| if own.get(x, y).has_rays() { excess(&own, x, y) } else { Vec3::ZERO };
-                places(columns, rows).map(of).collect()
-            },
-        ));
-
-        // Share rays between pixels, and trace more rays if too few pixels are similar.
-        let traced = Traced { own, beyond };
-        let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
-            let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
-            let pixels = places(columns, rows).map(|(x, y)| traced.reflected(&mut reflections, seen, x, y)).collect();
-            shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
-            pixels
-        }));
-
-        // Spread excess light over nearby pixels.
-        let sparks = sparks::spread(&reflected.map(|pixel| pixel.spark), seen, &busy);
-        let radiance = Plane::from_fn(width, height, |x, y| reflected.get(x, y).light + sparks.get(x, y));
-        Lit { radiance: Some(radiance), rays: shadow_rays.into_inner(), seconds: busy.seconds(), ..Lit::default() }
+        let lobe_of = |x, y| (!is_wanted(x, y)).then(Lobe::default);
+        let (_, reflected) = reflected(visible, lobe_of, &shadow_rays, &busy);
+        Lit { radiance: Some(with_sparks(&reflected, visible.surfaces, &busy)), ..counted(shadow_rays, &busy) }
     }
+}
+
+/// Returns the cost of light.
+fn counted(shadow_rays: AtomicU64, busy: &Busy) -> Lit {
+    Lit { rays: shadow_rays.into_inner(), seconds: busy.seconds(), ..Lit::default() }
+}
+
+/// Returns the radiance of each pixel, with excess light spread over nearby pixels \[W·m⁻²·sr⁻¹\].
+fn with_sparks(reflected: &Plane<Reflected>, seen: &GBuffer, busy: &Busy) -> Plane<Vec3> {
+    let sparks = sparks::spread(&reflected.map(|pixel| pixel.spark), seen, busy);
+    Plane::from_fn(sparks.width(), sparks.height(), |x, y| reflected.get(x, y).light + sparks.get(x, y))
+}
+
+/// Returns the lobes and the reflected light of the pixels for which `lobe_of` returns no lobe. All other pixels have
+/// the returned lobe, which may have rays to share, and no light. The cost is added to `shadow_rays` and `busy`.
+fn reflected(
+    visible: &Visible,
+    lobe_of: impl Fn(usize, usize) -> Option<Lobe> + Sync,
+    shadow_rays: &AtomicU64,
+    busy: &Busy,
+) -> (Plane<Lobe>, Plane<Reflected>) {
+    let Visible { frame, surfaces: seen, ranks, .. } = *visible;
+    let (width, height) = (seen.pixels.width(), seen.pixels.height());
+    let of_known = visible.known.map(|light| move |hit: &Hit, surface: &Surface| Some(light.irradiance(hit, surface)));
+    let known = of_known.as_ref().map(|irradiance| irradiance as KnownIrradiance);
+
+    // Trace a few rays for each pixel.
+    let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
+        let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
+        let mut lobes = Vec::with_capacity(columns.len() * rows.len());
+        for (x, y) in places(columns, rows) {
+            let lobe = lobe_of(x, y);
+            lobes.push(lobe.unwrap_or_else(|| own_lobe(visible.known, &mut reflections, seen, x, y)));
+        }
+        shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
+        lobes
+    }));
+
+    // Find light that is much brighter than typical light around it.
+    let is_lit = |x, y| lobe_of(x, y).is_none();
+    let beyond = busy.take(by_macroblock(
+        &Alone,
+        width,
+        height,
+        || (),
+        |(), columns, rows| {
+            // The excess of reprojected light is known.
+            let of = |(x, y)| match own.get(x, y) {
+                lobe if !lobe.has_rays() => Vec3::ZERO,
+                lobe if !is_lit(x, y) => lobe.brought.excess,
+                _ => excess(&own, x, y),
+            };
+            places(columns, rows).map(of).collect()
+        },
+    ));
+
+    // Share rays between pixels, and trace more rays if too few pixels are similar.
+    let traced = Traced { own, beyond };
+    let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
+        let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
+        let mut pixels = Vec::with_capacity(columns.len() * rows.len());
+        for (x, y) in places(columns, rows) {
+            let is_lit = is_lit(x, y);
+            pixels.push(if is_lit { traced.reflected(&mut reflections, seen, x, y) } else { Reflected::default() });
+        }
+        shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
+        pixels
+    }));
+    (traced.own, reflected)
 }
 
 /// Light of a frame's pixels from their own rays.
@@ -167,7 +196,7 @@ impl Traced {
     fn reflected(&self, reflections: &mut Reflections, seen: &GBuffer, x: usize, y: usize) -> Reflected {
         let lobe = self.own.get(x, y);
         if !lobe.has_rays() {
-            return Reflected { light: lobe.known, spark: Vec3::ZERO };
+            return Reflected { light: lobe.known, ..Reflected::default() };
         }
         let (mut brought, enough) = shared(&self.own, &self.beyond, x, y);
         // Trace further rays of the pixel if similar neighbors have too few.
@@ -177,7 +206,8 @@ impl Traced {
             brought.add(1.0, &more_rays(reflections, &coated, points, RAYS[rough]));
         }
         let (light, spark) = brought.mean();
-        Reflected { light: lobe.known + lobe.albedo * light, spark: lobe.albedo * spark }
+        let (noise, nearness) = (brought.noise(), brought.mean_nearness());
+        Reflected { light: lobe.known + lobe.albedo * light, spark: lobe.albedo * spark, noise, nearness }
     }
 }
 
@@ -222,9 +252,13 @@ struct Reflected {
     light: Vec3,
     /// Excess radiance of single rays, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
     spark: Vec3,
+    /// Standard deviation of the luminance of the rays' mean radiance \[W·m⁻²·sr⁻¹\].
+    noise: f32,
+    /// Mean of 1/t over the rays of the pixel and its neighbors \[1/m\].
+    nearness: f32,
 }
 
-portable!(Reflected { light, spark });
+portable!(Reflected { light, spark, noise, nearness });
 
 #[cfg(test)]
 mod tests;

@@ -10,11 +10,13 @@
 //! Rays with u ≥ 1 do not contribute. The second term of u² is the parallax of the surfaces hit by the rays. Therefore,
 //! pixels at contact shadows, bumps and borders of smoother regions use only their own rays.
 
+use super::OWN_RAYS;
 use super::coated::Coated;
 use super::reflections::{Brought, Typical};
 use glam::Vec3;
 use plane::Plane;
 use ranks::portable;
+use render_core::{CoatView, LobeLight};
 
 /// Maximum distance of neighbors that share rays \[pixels\].
 const REACH: usize = 2;
@@ -62,7 +64,21 @@ impl Lobe {
             middle: coated.middle().into(),
             alpha: coated.alpha(),
             is_rough: coated.is_rough(),
-            nearness: brought.nearness / brought.rays.max(1.0),
+            nearness: brought.mean_nearness(),
+        }
+    }
+
+    /// Creates the coat `view` with reprojected `light`, as if it had traced its own rays.
+    pub fn reprojected(view: &CoatView, albedo: Vec3, light: &LobeLight) -> Self {
+        Self {
+            known: Vec3::ZERO,
+            albedo,
+            brought: Brought::of_lobe(OWN_RAYS[1], light),
+            position: view.position.into(),
+            middle: view.mirrored.into(),
+            alpha: view.alpha,
+            is_rough: true,
+            nearness: light.nearness,
         }
     }
 
@@ -140,7 +156,7 @@ mod tests {
 
     /// Returns a rough coat of α 0.25 that faces +x, with two rays of radiance `light`.
     fn lobe(light: f32) -> Lobe {
-        let brought = Brought::of(2, Vec3::splat(light));
+        let brought = Brought::of_lobe(2, &LobeLight { traced: [light; 3], ..LobeLight::default() });
         Lobe { albedo: Vec3::ONE, brought, middle: Vec3::X, alpha: 0.25, is_rough: true, ..Lobe::default() }
     }
 

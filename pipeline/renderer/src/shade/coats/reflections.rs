@@ -6,7 +6,7 @@ use crate::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use ranks::portable;
-use render_core::{Environment, Hit, PosedScene, ShadingPoint, Surface, Traced, luminance};
+use render_core::{Environment, Hit, LobeLight, PosedScene, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
 /// Maximum number of coats through which a ray is followed.
@@ -51,17 +51,32 @@ pub(super) struct Brought {
     /// Sum of weighted radiance, Σ w L \[W·m⁻²·sr⁻¹\].
     light: Vec3,
     /// Portion of Σ w L that a few very bright rays contribute, to be spread over nearby pixels \[W·m⁻²·sr⁻¹\].
-    excess: Vec3,
+    pub excess: Vec3,
+    /// Sums of y², y w and w² over the rays, with the luminances y of w L and w of the weight.
+    squares: Vec3,
 }
 
-portable!(Brought { rays, nearness, weights, light, excess });
+portable!(Brought { rays, nearness, weights, light, excess, squares });
+
+/// Number of rays that determine the light of a pixel, with the rays of nearby pixels.
+const SHARED_RAYS: f32 = 16.0;
 
 impl Brought {
-    /// Returns rays of weight 1 with equal `radiance` and distant hits.
-    #[cfg(test)]
-    pub fn of(rays: u16, radiance: Vec3) -> Self {
-        let rays = f32::from(rays);
-        Self { rays, weights: Vec3::splat(rays), light: rays * radiance, ..Self::default() }
+    /// Returns `rays` rays of weight 1 with the mean light of a lobe.
+    pub fn of_lobe(rays: u32, light: &LobeLight) -> Self {
+        let (rays, excess) = (rays as f32, Vec3::from(light.excess));
+        let radiance = Vec3::from(light.traced) + excess;
+        let y = luminance(radiance);
+        // The light of a pixel is the mean over several rays, so a single ray has more noise.
+        let squares = rays * Vec3::new(y * y + SHARED_RAYS * light.noise * light.noise, y, 1.0);
+        Self {
+            rays,
+            nearness: rays * light.nearness,
+            weights: Vec3::splat(rays),
+            light: rays * radiance,
+            excess: rays * excess,
+            squares,
+        }
     }
 
     /// Adds the sums of `other` rays, scaled by `share`.
@@ -71,11 +86,26 @@ impl Brought {
         self.weights += share * other.weights;
         self.light += share * other.light;
         self.excess += share * other.excess;
+        self.squares += share * share * other.squares;
+    }
+
+    /// Returns the standard deviation of the mean radiance's luminance,
+    /// √(Σ k² (y − w M)²) / Σ k w, where k is the share of a ray and M is the mean.
+    pub fn noise(&self) -> f32 {
+        let weights = luminance(self.weights).max(f32::MIN_POSITIVE);
+        let mean = luminance(self.light) / weights;
+        let Vec3 { x: yy, y: yw, z: ww } = self.squares;
+        (yy - 2.0 * mean * yw + mean * mean * ww).max(0.0).sqrt() / weights
     }
 
     /// Returns the sums with this `excess`, a portion of Σ w L.
     pub fn with_excess(self, excess: Vec3) -> Self {
         Self { excess, ..self }
+    }
+
+    /// Returns the mean of 1/t over the rays \[1/m\]; 0 without rays.
+    pub fn mean_nearness(&self) -> f32 {
+        if self.rays > 0.0 { self.nearness / self.rays } else { 0.0 }
     }
 
     /// Returns the mean radiance without the excess, and the excess.
@@ -203,10 +233,13 @@ impl Reflections<'_> {
         let share = luminance(coated.albedo());
         points.filter_map(|point| coated.bsdf.sample_coat(coated.outgoing, point)).map(move |local| {
             let weights = coated.bsdf.coat_weight(coated.outgoing, local);
-            let alone = Brought { rays: 1.0, weights, ..Brought::default() };
+            let squares = Vec3::new(0.0, 0.0, luminance(weights).powi(2));
+            let alone = Brought { rays: 1.0, weights, squares, ..Brought::default() };
             let Some(direction) = coated.to_world(local) else { return alone };
             let (light, way) = self.along(coated, ReflectedRay { direction, spread, share, rays, is_kept: false });
-            Brought { light: weights * light, nearness: way.recip(), ..alone }
+            let (y, w) = (luminance(weights * light), luminance(weights));
+            let squares = Vec3::new(y * y, y * w, w * w);
+            Brought { light: weights * light, nearness: way.recip(), squares, ..alone }
         })
     }
 

@@ -3,9 +3,11 @@
 use super::*;
 use crate::plan::{Plan, State};
 use crate::settings::{RenderSettings, Size};
+use crate::shade::movement::Movement;
 use crate::{Preparation, Shading, plan};
 use glam::{Quat, Vec3A};
 use pipeline::stage::{LastThresholds, Shade};
+use plane::Correspondence;
 use render_core::Environment;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
 use render_core::scene::{
@@ -234,6 +236,47 @@ fn the_sun_is_seen_as_a_disc() {
         println!("roughness {roughness}: off by {} of {sum}", off / sum);
         assert!(sum > 1.0 && off < single * sum, "roughness {roughness}: off by {off} in {sum}");
     }
+}
+
+/// Checks a static picture of rough metal in front of a lamp: most pixels keep the light of the first frame, and
+/// recomputed pixels receive nearly the same light. A restored layer continues with the same bits.
+#[test]
+fn reprojected_reflections_stay_and_continue_from_their_state() {
+    let [corner, a, b] = [Vec3::new(-0.5, 2.0, -2.5), Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 1.0)];
+    let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8)
+        .with(FLOOR, metal(Vec3::new(1.0, 0.7, 0.3), 0.4))
+        .with([corner, a, b], glowing(5.0))
+        .under_a_sky(1.0);
+    let (settings, plan) = stage.settings();
+    let mut prepared = Preparation::new(&stage.0, &settings, &plan).frame(0).frame;
+    let (radiance, still) = (Plane::filled(SIDE, SIDE, Vec3::ZERO), Correspondence::still(SIDE, SIDE));
+    let tolerance = Tolerance::of_shares(SIDE, SIDE, 0.02);
+    let movement = Movement::to(&prepared, &[]);
+
+    // Choose frames in which the only macroblock is reused, audited and reused.
+    let (mut layer, mut light) = (ReprojectedCoats::new(8), Vec::new());
+    let mut restored = None;
+    for index in [15, 15, 16, 17] {
+        prepared.index = index;
+        let motion = (!light.is_empty()).then_some(&still);
+        let visible = Visible { motion, movement: &movement, ..Visible::alone(&prepared, &radiance) };
+        if index == 17 {
+            let mut other = ReprojectedCoats::new(8);
+            other.restore(&layer.state(), &prepared).expect("the layer's own state");
+            restored = other.light(&visible, None, &tolerance).radiance;
+        }
+        let lit = layer.light(&visible, None, &tolerance);
+        let computed = lit.computed.expect("a mask").samples().iter().filter(|&&computed| computed).count();
+        light.push((computed, lit.radiance.expect("coats send radiance")));
+    }
+    let [(first, traced), (second, same), (audited, again), (last, kept)] = &light[..] else { panic!("four frames") };
+    assert_eq!([*first > 200, *second == 0, audited == first, *last == 0], [true; 4]);
+    // Stored light is divided by the albedo, which rounds.
+    for (traced, same) in traced.samples().iter().zip(same.samples()) {
+        assert!((*traced - *same).abs().max_element() <= 4.0 * f32::EPSILON * traced.max_element());
+    }
+    assert_eq!(traced, again, "the same rays in the same picture");
+    assert_eq!(restored.as_ref(), Some(kept));
 }
 
 /// Checks that the layer adds no light in scenes without coats, and that all other light is unchanged.
