@@ -15,6 +15,7 @@ mod environment;
 mod gather;
 mod gbuffer;
 mod light;
+mod media;
 mod path;
 mod photon;
 mod polygon;
@@ -45,6 +46,7 @@ pub use light::{
     AreaLight, AreaSample, DirectLights, DomeLight, DynamicLights, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, Lamps,
     PhotonSource, PointLight, ShadingPoint, Source, SunLight, Traced, dome_lights,
 };
+pub use media::Media;
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, Still, path_traced};
 pub use photon::{AnchorFlux, Guide, GuideSearch, Photons};
 pub use posed_scene::PosedScene;

@@ -29,6 +29,7 @@ mod feedback;
 mod forged;
 #[cfg(unix)]
 mod fuzz;
+mod glass;
 mod importance;
 mod importance_maps;
 #[cfg(unix)]

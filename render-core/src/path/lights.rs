@@ -1,10 +1,10 @@
 //! Next event estimation: sampling of all lights, and the sampling densities.
 
-use super::media::Media;
 use super::vertex::{Points, Vertex, power_heuristic};
 use crate::accel::Hit;
 use crate::clear::ClearWalls;
 use crate::light::{DistantSample, Emitters, LightPoint, PointLight};
+use crate::media::Media;
 use crate::sampling::{Distribution, Pick};
 use crate::surface::{Surface, Surfaces};
 use crate::{PosedScene, luminance};

@@ -6,14 +6,14 @@
 //! paths without bias.
 //!
 //! Light passes straight through clear thin walls, also along shadow rays. Rough glass and volumes refract paths
-//! (`media.rs`); shadow rays do not pass them.
+//! ([`Media`](crate::Media)); shadow rays do not pass them.
 //!
 //! Visibility matches the rest of the program. Punctual lights are invisible. An unlit surface emits only towards the
 //! camera. The back of a single-sided surface is invisible, but absorbs light.
 
 mod film;
+mod hue;
 mod lights;
-mod media;
 mod state;
 mod still;
 mod vertex;

@@ -1,10 +1,11 @@
 //! State of a path between two surfaces.
 
-use super::media::{Hue, Media};
+use super::hue::Hue;
 use super::vertex::{Points, Vertex};
 use crate::accel::Hit;
 use crate::bsdf::{BsdfSample, GlassLobe};
 use crate::luminance;
+use crate::media::Media;
 use crate::surface::Surface;
 use glam::{Vec3, Vec3A};
 

@@ -79,6 +79,9 @@ fn stacks(roughness: f32) -> Vec<(&'static str, SurfaceLobes, f32)> {
     ]
 }
 
+/// Number of choices of a lobe for each point of the furnace.
+const CHOICES: u32 = 8;
+
 fn towards(cos: f32) -> Vec3 {
     Vec3::new((1.0 - cos * cos).sqrt() * 0.6, (1.0 - cos * cos).sqrt() * 0.8, cos)
 }
@@ -88,7 +91,10 @@ fn towards(cos: f32) -> Vec3 {
 fn furnace(bsdf: &Bsdf, below: f32, wo: Vec3, count: u32) -> Vec3 {
     let sample = |i: u32| {
         let light = |s: BsdfSample| if s.direction.z < 0.0 { s.weight * below } else { s.weight };
-        bsdf.sample(wo, hash_unit(1, i.into(), 0), owen_sobol_point(i, 2)).map_or(Vec3::ZERO, light)
+        // Spread the choices of lobes evenly for each point.
+        let (point, k) = (i / CHOICES, i % CHOICES);
+        let choice = (k as f32 + hash_unit(1, point.into(), 0)) / CHOICES as f32;
+        bsdf.sample(wo, choice, owen_sobol_point(point, 2)).map_or(Vec3::ZERO, light)
     };
     (0..count).map(sample).sum::<Vec3>() / count as f32 + bsdf.straight(wo.z)
 }
@@ -118,7 +124,7 @@ fn a_white_furnace_stays_white() {
     for roughness in ROUGHNESSES {
         for (name, lobes, eta) in stacks(roughness) {
             for cos in COSINES {
-                let sent = furnace(&bsdf(&lobes, eta), light_below(&lobes, eta), towards(cos), 20_000);
+                let sent = furnace(&bsdf(&lobes, eta), light_below(&lobes, eta), towards(cos), 40_000);
                 let [least, most] = extremes.entry(name).or_insert([f32::INFINITY, 0.0]);
                 (*least, *most) = (least.min(sent.min_element()), most.max(sent.max_element()));
             }

@@ -3,7 +3,7 @@
 use crate::shade::visibility::receiver;
 use glam::{Vec2, Vec3, Vec3A};
 use render_core::sampling::{frame, owen_sobol_point};
-use render_core::{Bsdf, GBuffer, NOTHING, PixelSurface, ShadingPoint, Surface, SurfaceLobes, Surfaces};
+use render_core::{Bsdf, GBuffer, Hit, Media, NOTHING, PixelSurface, ShadingPoint, Surface, SurfaceLobes, Surfaces};
 
 /// Minimum perceptual roughness of a coat without sharp reflections: half of its reflection is more than 2° off the
 /// mirror direction.
@@ -27,6 +27,8 @@ pub(super) struct Coated {
     lobes: Option<Box<SurfaceLobes>>,
     /// Whether the viewer is on the front's side.
     is_front: bool,
+    /// Index of the instance, or [`NOTHING`].
+    instance: u32,
     /// Offset of rays from the surface \[m\].
     epsilon: f32,
 }
@@ -38,21 +40,23 @@ struct Finish {
     roughness: f32,
     lobes: Option<Box<SurfaceLobes>>,
     is_front: bool,
+    instance: u32,
 }
 
 impl Finish {
-    /// Creates the reflection of a surface with the given shading normal.
-    fn new(surface: &Surface, normal: Vec3) -> Self {
+    /// Creates the reflection of a surface of an instance with the given shading normal. `eta` is the index of refraction
+    /// on the far side divided by the index on the near side; `None` in air.
+    fn new(surface: &Surface, instance: u32, normal: Vec3, eta: Option<f32>) -> Self {
         let &Surface { albedo, specular, roughness, front: is_front, .. } = surface;
         let Some(lobes) = &surface.lobes else {
             let bsdf = Bsdf::new(albedo, specular, roughness);
-            return Self { axes: around(normal), bsdf, roughness, lobes: None, is_front };
+            return Self { axes: around(normal), bsdf, roughness, lobes: None, is_front, instance };
         };
         let axes = lobes.axes(normal);
-        let bsdf = Bsdf::layered(lobes, axes, lobes.eta(is_front));
+        let bsdf = Bsdf::layered(lobes, axes, eta.unwrap_or_else(|| lobes.eta(is_front)));
         // Several lobes of different width are never a mirror.
         let roughness = if lobes.has_several_widths() { lobes.roughness.max(MIRROR) } else { lobes.roughness };
-        Self { axes, bsdf, roughness, lobes: Some(lobes.clone()), is_front }
+        Self { axes, bsdf, roughness, lobes: Some(lobes.clone()), is_front, instance }
     }
 }
 
@@ -75,31 +79,37 @@ impl Coated {
         if surfaces.material(pixel.instance as usize).lobes.is_some() {
             let hit = surfaces.hit_at(pixel.instance, pixel.triangle, pixel.position.into(), origin);
             let surface = surfaces.at(&hit, direction, seen.view.pixel_width(pixel.depth));
-            return Some(Self::new(receiver, Finish::new(&surface, receiver.normal.into()), direction, epsilon));
+            let finish = Finish::new(&surface, pixel.instance, receiver.normal.into(), None);
+            return Some(Self::new(receiver, finish, direction, epsilon));
         }
         let bsdf = Bsdf::new(pixel.albedo.into(), pixel.specular.into(), pixel.roughness);
         let axes = around(receiver.normal.into());
-        let finish = Finish { axes, bsdf, roughness: pixel.roughness, lobes: None, is_front: true };
+        let (roughness, instance) = (pixel.roughness, pixel.instance);
+        let finish = Finish { axes, bsdf, roughness, lobes: None, is_front: true, instance };
         Some(Self::new(receiver, finish, direction, epsilon))
     }
 
-    /// Creates the `surface` as hit by a ray in the unit `direction`.
-    pub fn of_surface(surface: &Surface, direction: Vec3A, epsilon: f32) -> Self {
+    /// Creates the `surface` as hit by a ray in the unit `direction`. `eta` is the index of refraction on the far side
+    /// divided by the index on the near side; `None` in air.
+    pub fn of_hit(surface: &Surface, hit: &Hit, direction: Vec3A, eta: Option<f32>, epsilon: f32) -> Self {
         let &Surface { position, geometric_normal, shading_normal, .. } = surface;
         let receiver = ShadingPoint::off_surface(position, [shading_normal, geometric_normal], epsilon);
-        Self::new(receiver, Finish::new(surface, shading_normal.into()), direction, epsilon)
+        let finish = Finish::new(surface, hit.instance, shading_normal.into(), eta);
+        Self::new(receiver, finish, direction, epsilon)
     }
 
     /// Creates the `surface` at `receiver` as seen along its normal.
     #[cfg(feature = "bake")]
     pub fn at(receiver: ShadingPoint, surface: &Surface) -> Self {
-        Self::new(receiver, Finish::new(surface, receiver.normal.into()), -receiver.normal, 0.0)
+        let finish = Finish::new(surface, NOTHING, receiver.normal.into(), None);
+        Self::new(receiver, finish, -receiver.normal, 0.0)
     }
 
     /// Creates the surface at `receiver` as hit by a ray in the unit `direction`.
     fn new(receiver: ShadingPoint, finish: Finish, direction: Vec3A, epsilon: f32) -> Self {
-        let Finish { axes, bsdf, roughness, lobes, is_front } = finish;
-        let mut coated = Self { receiver, axes, outgoing: Vec3::Z, bsdf, roughness, lobes, is_front, epsilon };
+        let Finish { axes, bsdf, roughness, lobes, is_front, instance } = finish;
+        let mut coated =
+            Self { receiver, axes, outgoing: Vec3::Z, bsdf, roughness, lobes, is_front, instance, epsilon };
         coated.outgoing = coated.to_frame(-direction);
         coated
     }
@@ -169,12 +179,13 @@ impl Coated {
         self.is_front || self.lobes.as_ref().is_none_or(|lobes| lobes.glass.is_thin)
     }
 
-    /// Returns the fraction of light that a volume around the viewer transmits over a `distance` \[m\].
-    pub fn interior(&self, distance: f32) -> Vec3 {
-        match &self.lobes {
-            Some(lobes) if !self.is_outside() => (lobes.glass.attenuation * -distance).exp(),
-            _ => Vec3::ONE,
+    /// Returns the volumes on the far side of the surface, given the volumes on the near side.
+    pub fn behind(&self, media: &Media) -> Media {
+        let mut behind = media.clone();
+        if let Some(glass) = self.lobes.as_ref().map(|lobes| &lobes.glass).filter(|glass| !glass.is_thin) {
+            behind.cross(self.instance, self.is_front, glass, glass.ior);
         }
+        behind
     }
 
     /// Returns the fraction of uniform light that refraction transmits toward the viewer.

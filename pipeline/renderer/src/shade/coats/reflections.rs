@@ -6,7 +6,7 @@ use crate::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use ranks::portable;
-use render_core::{Environment, Hit, LobeLight, PosedScene, ShadingPoint, Surface, Traced, luminance};
+use render_core::{Environment, Hit, LobeLight, Media, PosedScene, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
 /// Maximum number of coats through which a ray is followed.
@@ -147,6 +147,7 @@ impl Typical {
 }
 
 /// A ray that leaves a coat.
+#[derive(Clone, Copy)]
 pub(super) struct ReflectedRay {
     pub direction: Vec3A,
     /// Ratio of the texture footprint to the distance.
@@ -159,17 +160,13 @@ pub(super) struct ReflectedRay {
     pub is_kept: bool,
 }
 
-/// Place of a surface on a ray.
-#[derive(Clone, Copy)]
-pub(super) struct Passage {
-    /// Distance from the previous surface \[m\].
-    pub distance: f32,
-    /// Fraction of the pixel's light that arrives along the ray.
-    pub share: f32,
-    /// Number of transparent surfaces before this one.
+/// Transparent surfaces that a ray has passed.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Passed {
+    /// Volumes that contain the ray.
+    pub media: Media,
+    /// Number of surfaces.
     pub surfaces: u32,
-    /// Ratio of the texture footprint to the distance.
-    pub spread: f32,
 }
 
 /// Function that returns the irradiance at a hit \[W·m⁻²\]; `None` if the irradiance is not known.
@@ -216,7 +213,7 @@ impl Reflections<'_> {
         for point in points {
             let Some(direction) = coated.clearcoat_direction(point) else { continue };
             let ray = ReflectedRay { direction, spread: 0.0, share: albedo, rays, is_kept: false };
-            sum += self.along_from(origin, ray, false, 0).0;
+            sum += self.along_from(origin, ray, false, &Passed::default()).0;
         }
         sum * (albedo / rays as f32)
     }
@@ -246,12 +243,12 @@ impl Reflections<'_> {
     /// Returns the radiance that arrives at the coat along a ray \[W·m⁻²·sr⁻¹\], and the distance to the first hit
     /// \[m\].
     pub fn along(&mut self, coated: &Coated, ray: ReflectedRay) -> (Vec3, f32) {
-        self.along_from(coated.receiver.position, ray, coated.is_rough(), 0)
+        self.along_from(coated.receiver.position, ray, coated.is_rough(), &Passed::default())
     }
 
     /// Returns the radiance that arrives at a coat along a ray from `origin`, as [`along`](Self::along) does. `blurred`
-    /// is whether the coat is rough, and `glass` is the number of transparent surfaces before the ray.
-    pub fn along_from(&mut self, origin: Vec3A, ray: ReflectedRay, blurred: bool, glass: u32) -> (Vec3, f32) {
+    /// is whether the coat is rough, and `passed` are the transparent surfaces before the ray.
+    pub fn along_from(&mut self, origin: Vec3A, ray: ReflectedRay, blurred: bool, passed: &Passed) -> (Vec3, f32) {
         // Follow the ray through coats until the contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
@@ -268,6 +265,7 @@ impl Reflections<'_> {
                 let sky = sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
                 return (sum + throughput * sky, first);
             };
+            throughput *= passed.media.transmittance(hit.distance);
             way += hit.distance;
             first = first.min(way);
             let surface = surfaces.at(&hit, direction, ray.spread * way);
@@ -285,12 +283,13 @@ impl Reflections<'_> {
             }
 
             // Continue on both sides of transparent surfaces.
-            let met = Coated::of_surface(&surface, direction, *epsilon);
-            if met.transmits() {
-                let share = ray.share * luminance(throughput);
-                let passage = Passage { distance: hit.distance, share, surfaces: glass, spread: ray.spread };
-                return (sum + throughput * self.glass(&met, passage), first);
+            if surface.lobes.is_some() {
+                let ray = ReflectedRay { direction, share: ray.share * luminance(throughput), ..ray };
+                if let Some(light) = self.through(&hit, &surface, ray, passed) {
+                    return (sum + throughput * light, first);
+                }
             }
+            let met = Coated::of_hit(&surface, &hit, direction, None, *epsilon);
 
             // Follow a coat while its reflection is a large enough fraction of the pixel's light.
             let (coat, diffuse) = (met.mirror_albedo(), met.diffuse_albedo());

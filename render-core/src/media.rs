@@ -1,14 +1,14 @@
-//! Transparent volumes that contain a path.
+//! Transparent volumes that contain a ray.
 //!
 //! Files define neither the order of nested volumes nor their priority, and surfaces of a liquid and its glass may
 //! overlap. The volume that a path entered last contains it: a surface of another volume inside it has no effect.
 
 use crate::bsdf::GlassLobe;
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-/// Volumes that a path has entered and not left, in order.
+/// Transparent volumes that a ray has entered and not left, in order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Media {
+pub struct Media {
     inside: Vec<Medium>,
 }
 
@@ -24,7 +24,8 @@ const AIR: f32 = 1.0;
 
 impl Media {
     /// Returns the fraction of light that the current volume transmits over a `distance` \[m\].
-    pub(super) fn transmittance(&self, distance: f32) -> Vec3 {
+    #[must_use]
+    pub fn transmittance(&self, distance: f32) -> Vec3 {
         match self.inside.last() {
             Some(medium) if medium.attenuation != Vec3::ZERO => (medium.attenuation * -distance).exp(),
             _ => Vec3::ONE,
@@ -33,7 +34,8 @@ impl Media {
 
     /// Returns the index of refraction on the far side of a surface of `instance` divided by the index on the near
     /// side, or `None` if the surface has no effect. `ior` is the index of the instance's interior.
-    pub(super) fn eta(&self, instance: u32, is_front: bool, ior: f32) -> Option<f32> {
+    #[must_use]
+    pub fn eta(&self, instance: u32, is_front: bool, ior: f32) -> Option<f32> {
         if is_front {
             return Some(ior / self.inside.last().map_or(AIR, |medium| medium.ior));
         }
@@ -46,39 +48,12 @@ impl Media {
     }
 
     /// Records that the path has crossed a surface of `instance`.
-    pub(super) fn cross(&mut self, instance: u32, is_front: bool, glass: &GlassLobe, ior: f32) {
+    pub fn cross(&mut self, instance: u32, is_front: bool, glass: &GlassLobe, ior: f32) {
         if is_front {
             self.inside.push(Medium { instance, ior, attenuation: glass.attenuation });
         } else if let Some(place) = self.inside.iter().rposition(|medium| medium.instance == instance) {
             self.inside.remove(place);
         }
-    }
-}
-
-/// Color of a path in dispersive glass: a place in the spectrum.
-///
-/// ```text
-/// n(x) = n + 0.025 D (n − 1) x        x in −2…2: red around −1, green around 0, blue around 1
-/// ```
-/// The channels' responses are hat functions. Their indices are the ones of `KHR_materials_dispersion`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Hue(f32);
-
-impl Hue {
-    /// Draws a color from a number in 0…1.
-    pub(super) fn new(u: Vec2) -> Self {
-        Self(4.0 * u.x - 2.0)
-    }
-
-    /// Returns the linear RGB weight of the color. The mean over all colors is 1.
-    pub(super) fn weight(self) -> Vec3 {
-        let hat = |center: f32| 4.0 * (1.0 - (self.0 - center).abs()).max(0.0);
-        Vec3::new(hat(-1.0), hat(0.0), hat(1.0))
-    }
-
-    /// Returns the index of refraction for the color.
-    pub(super) fn ior(self, glass: &GlassLobe) -> f32 {
-        (glass.ior + 0.025 * glass.dispersion * (glass.ior - 1.0) * self.0).max(1.0)
     }
 }
 
@@ -115,15 +90,5 @@ mod tests {
         assert_eq!(media.transmittance(1.0), Vec3::ONE);
         // A path that starts in the glass leaves into air.
         assert_eq!(media.eta(0, false, 1.5), Some(1.0 / 1.5));
-    }
-
-    #[test]
-    fn colors_are_white_on_average() {
-        let hue = |i: usize| Hue::new(Vec2::splat((i as f32 + 0.5) / 4000.0));
-        let mean = (0..4000).map(|i| hue(i).weight()).sum::<Vec3>() / 4000.0;
-        assert!((mean - 1.0).abs().max_element() < 1e-3, "{mean}");
-        // The index of green is the nominal one; red and blue differ by 0.025 · 2 · 0.5 each.
-        let iors = [0.25, 0.5, 0.75].map(|u| Hue::new(Vec2::splat(u)).ior(&glass(1.5)));
-        assert_eq!(iors, [1.475, 1.5, 1.525]);
     }
 }
