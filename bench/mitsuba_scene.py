@@ -1,6 +1,7 @@
-"""glTF scenes for Mitsuba 3: meshes, base colors, area lights, punctual lights, cameras, at any time of an animation.
+"""glTF scenes for Mitsuba 3: meshes, base colors, glass, area lights, punctual lights, cameras, at any time of an animation.
 
-All surfaces are matte (see `matte`), so the comparison covers light transport, filters and sampling, not models of coats.
+All other surfaces are matte (see `matte`), so the comparison covers light transport, filters, sampling and refraction, not models
+of coats.
 A Mitsuba variant must be set before this module is imported. `load` rejects unsupported content.
 """
 
@@ -147,6 +148,26 @@ def reflectance(glb, material):
     return {"type": "bitmap", "bitmap": bitmap, "raw": True, "filter_type": "bilinear", "wrap_mode": "repeat"}
 
 
+def glass(material):
+    """Returns the BSDF of a transparent volume; None for other materials."""
+    extensions = material.get("extensions", {})
+    factor = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0)
+    if not factor:
+        return None
+    volume, pbr = extensions.get("KHR_materials_volume", {}), material.get("pbrMetallicRoughness", {})
+    # Mitsuba's thin walls reflect repeatedly between both sides, and its surfaces do not attenuate inside.
+    if factor != 1 or pbr.get("metallicFactor", 1) != 0 or not volume.get("thicknessFactor") or "attenuationDistance" in volume:
+        raise ValueError(f"{material.get('name')} is not clear glass with a volume")
+    # Each surface has the root of the base color.
+    tint = np.sqrt(pbr.get("baseColorFactor", [1, 1, 1, 1])[:3]).tolist()
+    bsdf = {"int_ior": extensions.get("KHR_materials_ior", {}).get("ior", 1.5), "ext_ior": 1.0}
+    bsdf["specular_transmittance"] = {"type": "rgb", "value": tint}
+    roughness = pbr.get("roughnessFactor", 1)
+    if roughness == 0:
+        return {"type": "dielectric"} | bsdf
+    return {"type": "roughdielectric", "distribution": "ggx", "alpha": roughness**2} | bsdf
+
+
 def emission(material):
     if "emissiveTexture" in material:
         raise ValueError(f"the texture of {material.get('name')} glows")
@@ -235,8 +256,9 @@ def load(path, size, camera=None, time=0.0, roulette=5, sampler="multijitter"):
             chosen = primitive.get("material")
             material = glb.json["materials"][chosen] if chosen is not None else {}
             if chosen not in bsdfs:
-                bsdf = {"type": "diffuse", "reflectance": reflectance(glb, material)}
-                both = material.get("doubleSided") and not emission(material).any()
+                transparent = glass(material)
+                bsdf = transparent or {"type": "diffuse", "reflectance": reflectance(glb, material)}
+                both = material.get("doubleSided") and not transparent and not emission(material).any()
                 bsdfs[chosen] = mi.load_dict({"type": "twosided", "bsdf": bsdf} if both else bsdf)
             scene |= shapes(f"shape_{index}_{number}", glb, primitive, matrix, material, bsdfs[chosen])
         light = node.get("extensions", {}).get("KHR_lights_punctual")

@@ -15,6 +15,9 @@ use render_core::{Hit, ShadingPoint, Surface, luminance};
 const MOST_SURFACES: u32 = 10;
 /// Minimum fraction of the pixel's light of a ray that is followed.
 const LEAST_SHARE: f32 = 0.01;
+/// Fraction of the pixel's light below which surfels suffice for the light of surfaces. Reflections at normal incidence
+/// have 0.04.
+const FAINT_SHARE: f32 = 0.15;
 /// Number of refracted rays of a pixel of rough glass.
 const ROUGH_RAYS: u32 = 8;
 
@@ -67,7 +70,7 @@ impl Reflections<'_> {
             return Vec3::ZERO;
         }
         let direction = coated.middle();
-        let ray = ReflectedRay { direction, spread: 0.0, share: 1.0, rays: 1, is_kept: false };
+        let ray = ReflectedRay { direction, spread: 0.0, share: 1.0, rays: 1, is_kept: false, is_faint: false };
         let (below, air) = (self.below(coated, 1.0), Passed::default());
         if coated.is_clear() {
             return below + self.refracted(coated, coated.refracted(), ray, &air);
@@ -96,7 +99,8 @@ impl Reflections<'_> {
 
     /// Returns the radiance along a ray that leaves a transparent surface.
     fn branch(&mut self, origin: Vec3A, ray: ReflectedRay, met: &Coated, passed: Passed) -> Vec3 {
-        self.along_from(origin, ReflectedRay { rays: 1, is_kept: false, ..ray }, met.is_rough(), &passed).0
+        let is_faint = ray.share < FAINT_SHARE;
+        self.along_from(origin, ReflectedRay { rays: 1, is_kept: false, is_faint, ..ray }, met.is_rough(), &passed).0
     }
 
     /// Returns the light of the opaque base, seen by a ray.

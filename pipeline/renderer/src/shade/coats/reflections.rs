@@ -158,6 +158,8 @@ pub(super) struct ReflectedRay {
     pub rays: u32,
     /// Whether the ray is followed through every coat, because its light is computed only once.
     pub is_kept: bool,
+    /// Whether the ray contributes so little that surfels suffice for the light of surfaces.
+    pub is_faint: bool,
 }
 
 /// Transparent surfaces that a ray has passed.
@@ -199,7 +201,8 @@ impl Reflections<'_> {
     pub fn mirrored(&mut self, coated: &Coated) -> Vec3 {
         let albedo = coated.albedo();
         let Some(direction) = coated.mirrored() else { return Vec3::ZERO };
-        let ray = ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1, is_kept: false };
+        let ray =
+            ReflectedRay { direction, spread: 0.0, share: luminance(albedo), rays: 1, is_kept: false, is_faint: false };
         albedo * self.along(coated, ray).0
     }
 
@@ -212,7 +215,7 @@ impl Reflections<'_> {
         let (mut sum, origin) = (Vec3::ZERO, coated.receiver.position);
         for point in points {
             let Some(direction) = coated.clearcoat_direction(point) else { continue };
-            let ray = ReflectedRay { direction, spread: 0.0, share: albedo, rays, is_kept: false };
+            let ray = ReflectedRay { direction, spread: 0.0, share: albedo, rays, is_kept: false, is_faint: false };
             sum += self.along_from(origin, ray, false, &Passed::default()).0;
         }
         sum * (albedo / rays as f32)
@@ -233,7 +236,8 @@ impl Reflections<'_> {
             let squares = Vec3::new(0.0, 0.0, luminance(weights).powi(2));
             let alone = Brought { rays: 1.0, weights, squares, ..Brought::default() };
             let Some(direction) = coated.to_world(local) else { return alone };
-            let (light, way) = self.along(coated, ReflectedRay { direction, spread, share, rays, is_kept: false });
+            let (light, way) =
+                self.along(coated, ReflectedRay { direction, spread, share, rays, is_kept: false, is_faint: false });
             let (y, w) = (luminance(weights * light), luminance(weights));
             let squares = Vec3::new(y * y, y * w, w * w);
             Brought { light: weights * light, nearness: way.recip(), squares, ..alone }
@@ -304,7 +308,7 @@ impl Reflections<'_> {
             sum += throughput
                 * if let Some(irradiance) = self.known.and_then(|known| known(&hit, &surface)) {
                     albedo / PI * irradiance
-                } else if blurred {
+                } else if blurred || ray.is_faint {
                     gather.surfel_radiance(PosedScene::new(accelerator, surfaces), &surface, hit.instance)
                         * (luminance(albedo) / luminance(diffuse + coat).max(f32::MIN_POSITIVE))
                 } else {

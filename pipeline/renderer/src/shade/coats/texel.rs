@@ -117,7 +117,7 @@ fn light_along(scene: KnownScene, coated: &Coated, rays: &[Vec3], scratch: &mut 
     for &local in rays {
         light.push(match coated.to_world(local) {
             Some(direction) => {
-                let ray = ReflectedRay { direction, spread, share, rays: count, is_kept: true };
+                let ray = ReflectedRay { direction, spread, share, rays: count, is_kept: true, is_faint: false };
                 reflections.along(coated, ray).0
             }
             None => Vec3::ZERO,
