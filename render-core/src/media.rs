@@ -61,32 +61,20 @@ impl Media {
 mod tests {
     use super::*;
 
-    fn glass(ior: f32) -> GlassLobe {
-        GlassLobe {
-            factor: 1.0,
-            tint: Vec3::ONE,
-            specular: Vec3::splat(0.04),
-            ior,
-            is_thin: false,
-            attenuation: Vec3::ONE,
-            dispersion: 2.0,
-        }
-    }
-
     /// A path into glass and into the water that overlaps it refracts at the water's surface, and the glass has no
     /// effect inside the water.
     #[test]
     fn the_last_volume_contains_the_path() {
         let mut media = Media::default();
         assert_eq!(media.eta(0, true, 1.5), Some(1.5));
-        media.cross(0, true, &glass(1.5), 1.5);
+        media.cross(0, true, &GlassLobe::of_ior(1.5), 1.5);
         assert_eq!(media.eta(1, true, 1.33), Some(1.33 / 1.5));
-        media.cross(1, true, &glass(1.33), 1.33);
+        media.cross(1, true, &GlassLobe::of_ior(1.33), 1.33);
         // The inner side of the glass is inside the water.
         assert_eq!(media.eta(0, false, 1.5), None);
-        media.cross(0, false, &glass(1.5), 1.5);
+        media.cross(0, false, &GlassLobe::of_ior(1.5), 1.5);
         assert_eq!(media.eta(1, false, 1.33), Some(1.0 / 1.33));
-        media.cross(1, false, &glass(1.33), 1.33);
+        media.cross(1, false, &GlassLobe::of_ior(1.33), 1.33);
         assert_eq!(media.transmittance(1.0), Vec3::ONE);
         // A path that starts in the glass leaves into air.
         assert_eq!(media.eta(0, false, 1.5), Some(1.0 / 1.5));

@@ -2,6 +2,7 @@
 
 #[cfg(test)]
 use super::ggx::Ggx;
+use super::quadrature::tabulated_mean;
 #[cfg(test)]
 use crate::sampling::hammersley;
 use glam::Vec3;
@@ -96,27 +97,13 @@ fn integrate(ggx: Ggx, cos: f32) -> Albedo {
     Albedo { facing: share(facing), grazing: share(grazing) }
 }
 
-/// Returns 2 ∫ albedo(μ) μ dμ over the interpolated row, exactly, so that lobes normalized with the result conserve
+/// Returns the cosine-weighted mean over the interpolated row, exactly, so that lobes normalized with the result conserve
 /// energy.
-///
-/// ```text
-/// μ = s²:  4 ∫ albedo s³ ds, linear in s from p at a to q at b:  4 (p (b m₃ − m₄) + q (m₄ − a m₃)) / (b − a)
-///   m₃ = (b⁴ − a⁴)/4     m₄ = (b⁵ − a⁵)/5
-/// ```
 fn mean(row: &[Albedo; STEPS]) -> Albedo {
-    let place = |i: usize| i as f64 / (STEPS - 1) as f64;
-    // Integrate each segment between two entries in closed form.
-    let integral = |of: fn(&Albedo) -> f32| -> f32 {
-        let mut sum = 0.0f64;
-        for (i, pair) in row.windows(2).enumerate() {
-            let (a, b) = (place(i), place(i + 1));
-            let (m3, m4) = ((b.powi(4) - a.powi(4)) / 4.0, (b.powi(5) - a.powi(5)) / 5.0);
-            let [p, q] = [&pair[0], &pair[1]].map(|end| f64::from(of(end)));
-            sum += 4.0 * (p * (b * m3 - m4) + q * (m4 - a * m3)) / (b - a);
-        }
-        sum as f32
-    };
-    Albedo { facing: integral(|albedo| albedo.facing), grazing: integral(|albedo| albedo.grazing) }
+    Albedo {
+        facing: tabulated_mean(&row.map(|albedo| albedo.facing)),
+        grazing: tabulated_mean(&row.map(|albedo| albedo.grazing)),
+    }
 }
 
 /// Row of the table at one roughness: the albedos of a surface for all directions.

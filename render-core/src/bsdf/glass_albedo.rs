@@ -1,6 +1,7 @@
 //! Directional albedo of single scattering at rough interfaces between dielectrics.
 
 use super::albedo::AlbedoRow;
+use super::quadrature::tabulated_mean;
 #[cfg(test)]
 use super::{fresnel::dielectric, ggx::Ggx};
 #[cfg(test)]
@@ -58,15 +59,7 @@ impl GlassRow {
     }
 
     fn with_mean(albedos: Row) -> Self {
-        // Integrate 2 E cos θ exactly over the interpolated row, as for coats: μ = s², 4 ∫ E s³ ds.
-        let place = |i: usize| i as f64 / (STEPS - 1) as f64;
-        let mut sum = 0.0;
-        for (i, pair) in albedos.windows(2).enumerate() {
-            let (a, b) = (place(i), place(i + 1));
-            let (m3, m4) = ((b.powi(4) - a.powi(4)) / 4.0, (b.powi(5) - a.powi(5)) / 5.0);
-            sum += 4.0 * (f64::from(pair[0]) * (b * m3 - m4) + f64::from(pair[1]) * (m4 - a * m3)) / (b - a);
-        }
-        Self { albedos, mean: sum as f32 }
+        Self { albedos, mean: tabulated_mean(&albedos) }
     }
 
     /// Returns the light lost by single scattering, 1 − E, at a cosine.

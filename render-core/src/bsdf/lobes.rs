@@ -61,12 +61,28 @@ pub struct GlassLobe {
     pub dispersion: f32,
 }
 
+#[cfg(test)]
+impl GlassLobe {
+    /// Returns clear, white glass with an interior that attenuates all colors.
+    pub(crate) fn of_ior(ior: f32) -> Self {
+        let specular = Vec3::splat(((ior - 1.0) / (ior + 1.0)).powi(2));
+        let (tint, attenuation) = (Vec3::ONE, Vec3::ONE);
+        Self { factor: 1.0, tint, specular, ior, is_thin: false, attenuation, dispersion: 0.0 }
+    }
+}
+
 impl GlassLobe {
     /// Glass with a perceptual roughness below this value is clear: light passes thin walls without a visible blur.
     pub const CLEAR: f32 = 0.05;
 }
 
 impl SurfaceLobes {
+    /// Returns whether light passes through the surface.
+    #[must_use]
+    pub fn transmits(&self) -> bool {
+        self.glass.factor > 0.0 || self.diffuse_transmission > 0.0
+    }
+
     /// Returns whether light passes straight through: the surface is a clear thin wall.
     #[must_use]
     pub fn is_clear_wall(&self) -> bool {

@@ -89,7 +89,6 @@ impl Stack {
             let schlick = Schlick { f0: lobes.glass.specular, f90: lobes.grazing };
             Glass::new(GlassShape {
                 ggx,
-
                 eta,
                 is_thin: lobes.glass.is_thin,
                 is_clear: lobes.is_clear_wall(),
@@ -210,11 +209,15 @@ impl Stack {
                 coat(Coat::multiple_albedo) * opaque + self.base[0] * self.through(wo) * self.through_mean
             }
             LobeKind::Below => self.base[1] * self.through(wo) * self.through_mean,
-            LobeKind::Glass => self.glass.as_ref().map_or(Vec3::ZERO, |glass| {
-                let [reflected, refracted] = glass.albedos(wo.z);
-                (reflected + refracted * glass.tint()) * (self.glassy * self.over(wo))
-            }),
+            LobeKind::Glass => self.glass_albedos(wo).into_iter().sum(),
         }
+    }
+
+    /// Returns the directional albedos of glass: of its single reflection, and of its refraction.
+    fn glass_albedos(&self, wo: Vec3) -> [Vec3; 2] {
+        let Some(glass) = &self.glass else { return [Vec3::ZERO; 2] };
+        let [reflected, refracted] = glass.albedos(wo.z);
+        [reflected, refracted * glass.tint()].map(|albedo| albedo * (self.glassy * self.over(wo)))
     }
 
     /// Returns the directional albedo of all lobes, including transmission.
@@ -224,8 +227,7 @@ impl Stack {
 
     /// Returns the directional albedo of refraction.
     pub(super) fn refracted_albedo(&self, wo: Vec3) -> Vec3 {
-        let glass = self.glass.as_ref().map_or(Vec3::ZERO, |glass| glass.albedos(wo.z)[1] * glass.tint());
-        glass * (self.glassy * self.over(wo)) + self.straight(wo)
+        self.glass_albedos(wo)[1] + self.straight(wo)
     }
 
     /// Returns the directional albedo of diffuse transmission.
@@ -246,9 +248,13 @@ impl Stack {
 
     /// Returns the directional albedo of [`Stack::gloss`].
     pub(super) fn gloss_albedo(&self, wo: Vec3) -> Vec3 {
-        let glass = self.glass.as_ref().map_or(Vec3::ZERO, |glass| glass.albedos(wo.z)[0]);
-        let opaque = [LobeKind::Fibers, LobeKind::Coat].map(|lobe| self.albedo(lobe, wo));
-        opaque.into_iter().sum::<Vec3>() + glass * (self.glassy * self.over(wo))
+        self.gloss_albedos(wo).into_iter().sum()
+    }
+
+    /// Returns the directional albedos of the lobes in [`Stack::GLOSS`].
+    fn gloss_albedos(&self, wo: Vec3) -> [Vec3; 3] {
+        let [fibers, coat] = [LobeKind::Fibers, LobeKind::Coat].map(|lobe| self.albedo(lobe, wo));
+        [fibers, coat, self.glass_albedos(wo)[0]]
     }
 
     /// Returns the directional albedo of [`Stack::diffuse`] above the surface.
@@ -261,14 +267,9 @@ impl Stack {
         self.glass.is_some() || self.base[1] != Vec3::ZERO
     }
 
-    /// Returns the probabilities of sampling the lobes: their fractions of the light.
-    fn shares(&self, wo: Vec3, lobes: &[LobeKind]) -> [f32; LobeKind::ALL.len()] {
-        let mut shares = [0.0; LobeKind::ALL.len()];
-        for &lobe in lobes {
-            shares[lobe as usize] = luminance(self.albedo(lobe, wo));
-        }
-        let sum: f32 = shares.iter().sum();
-        if sum > 0.0 { shares.map(|share| share / sum) } else { shares }
+    /// Returns the probabilities of sampling the lobes in [`LobeKind::ALL`].
+    fn shares(&self, wo: Vec3) -> [f32; LobeKind::ALL.len()] {
+        shares_of(LobeKind::ALL.map(|lobe| self.albedo(lobe, wo)))
     }
 
     /// Returns the density of one lobe's samples \[sr⁻¹\].
@@ -276,13 +277,8 @@ impl Stack {
         let above = wi.z > 0.0;
         match lobe {
             LobeKind::Glass => self.glass.as_ref().map_or(0.0, |glass| glass.pdf(wo, wi)),
-            LobeKind::Below => {
-                if above {
-                    0.0
-                } else {
-                    -wi.z * FRAC_1_PI
-                }
-            }
+            LobeKind::Below if !above => -wi.z * FRAC_1_PI,
+            LobeKind::Below => 0.0,
             _ if !above => 0.0,
             LobeKind::Varnish => self.varnish.as_ref().map_or(0.0, |varnish| varnish.pdf(wo, wi)),
             LobeKind::Fibers => Fibers::pdf(),
@@ -306,27 +302,15 @@ impl Stack {
         }
     }
 
-    /// Draws a direction of one of the `lobes`, on either side of the surface.
-    fn draw(&self, lobes: &[LobeKind], wo: Vec3, mut choice: f32, u: Vec2) -> Option<Vec3> {
-        let shares = self.shares(wo, lobes);
-        for &lobe in lobes {
-            let share = shares[lobe as usize];
-            if choice < share {
-                return self.lobe_sample(lobe, wo, choice / share, u);
-            }
-            choice -= share;
-        }
-        None
-    }
-
     /// Returns the density of [`Stack::sample`] \[sr⁻¹\].
     pub(super) fn pdf(&self, wo: Vec3, wi: Vec3) -> f32 {
-        let shares = self.shares(wo, &LobeKind::ALL);
-        LobeKind::ALL
-            .into_iter()
-            .filter(|&lobe| shares[lobe as usize] > 0.0)
-            .map(|lobe| shares[lobe as usize] * self.lobe_pdf(lobe, wo, wi))
-            .sum()
+        let mut sum = 0.0;
+        for (lobe, share) in LobeKind::ALL.into_iter().zip(self.shares(wo)) {
+            if share > 0.0 {
+                sum += share * self.lobe_pdf(lobe, wo, wi);
+            }
+        }
+        sum
     }
 
     /// Draws a direction of a single reflection; refractions count as `None`.
@@ -364,19 +348,26 @@ impl Stack {
 
     /// Returns the probabilities of the lobes in [`Stack::GLOSS`].
     fn gloss_shares(&self, wo: Vec3) -> [f32; 3] {
-        let glass = self.glass.as_ref().map_or(Vec3::ZERO, |glass| glass.albedos(wo.z)[0]);
-        let shares = Self::GLOSS.map(|lobe| match lobe {
-            LobeKind::Glass => luminance(glass) * self.glassy * self.over(wo),
-            _ => luminance(self.albedo(lobe, wo)),
-        });
-        let sum: f32 = shares.iter().sum();
-        if sum > 0.0 { shares.map(|share| share / sum) } else { shares }
+        shares_of(self.gloss_albedos(wo))
     }
 
     /// Draws an incident direction on either side of the surface. `choice` and `u` are in 0…1.
-    pub(super) fn sample(&self, wo: Vec3, choice: f32, u: Vec2) -> Option<Vec3> {
-        self.draw(&LobeKind::ALL, wo, choice, u)
+    pub(super) fn sample(&self, wo: Vec3, mut choice: f32, u: Vec2) -> Option<Vec3> {
+        for (lobe, share) in LobeKind::ALL.into_iter().zip(self.shares(wo)) {
+            if choice < share {
+                return self.lobe_sample(lobe, wo, choice / share, u);
+            }
+            choice -= share;
+        }
+        None
     }
+}
+
+/// Returns the probabilities of sampling lobes with these albedos: their fractions of the light.
+fn shares_of<const N: usize>(albedos: [Vec3; N]) -> [f32; N] {
+    let shares = albedos.map(luminance);
+    let sum: f32 = shares.iter().sum();
+    if sum > 0.0 { shares.map(|share| share / sum) } else { shares }
 }
 
 #[cfg(test)]

@@ -34,25 +34,14 @@ impl Hue {
 mod tests {
     use super::*;
 
-    fn glass(ior: f32) -> GlassLobe {
-        GlassLobe {
-            factor: 1.0,
-            tint: Vec3::ONE,
-            specular: Vec3::splat(0.04),
-            ior,
-            is_thin: false,
-            attenuation: Vec3::ONE,
-            dispersion: 2.0,
-        }
-    }
-
     #[test]
     fn colors_are_white_on_average() {
         let hue = |i: usize| Hue::new(Vec2::splat((i as f32 + 0.5) / 4000.0));
         let mean = (0..4000).map(|i| hue(i).weight()).sum::<Vec3>() / 4000.0;
         assert!((mean - 1.0).abs().max_element() < 1e-3, "{mean}");
         // The index of green is the nominal one; red and blue differ by 0.025 · 2 · 0.5 each.
-        let iors = [0.25, 0.5, 0.75].map(|u| Hue::new(Vec2::splat(u)).ior(&glass(1.5)));
+        let iors = [0.25, 0.5, 0.75]
+            .map(|u| Hue::new(Vec2::splat(u)).ior(&GlassLobe { dispersion: 2.0, ..GlassLobe::of_ior(1.5) }));
         assert_eq!(iors, [1.475, 1.5, 1.525]);
     }
 }

@@ -42,8 +42,8 @@ fn files_below(folder: &Path, ending: &str) -> Vec<PathBuf> {
         for entry in std::fs::read_dir(&folder).expect("a folder") {
             let path = entry.expect("an entry").path();
             let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-            // Build outputs and hidden folders contain no sources.
-            if path.is_dir() && name != "target" && !name.starts_with('.') {
+            // Build outputs, results of measurements and hidden folders contain no sources.
+            if path.is_dir() && name != "target" && name != "out" && !name.starts_with('.') {
                 open.push(path);
             } else if path.extension().is_some_and(|found| found == ending) {
                 found.push(path);

@@ -25,15 +25,7 @@ pub(super) fn plain(roughness: f32) -> SurfaceLobes {
         film: 0.0,
         film_ior: 1.3,
         film_thickness: 400.0,
-        glass: GlassLobe {
-            factor: 0.0,
-            tint: Vec3::ONE,
-            specular: Vec3::splat(0.04),
-            ior: 1.5,
-            is_thin: true,
-            attenuation: Vec3::ZERO,
-            dispersion: 0.0,
-        },
+        glass: GlassLobe { factor: 0.0, is_thin: true, ..GlassLobe::of_ior(1.5) },
         diffuse_transmission: 0.0,
         diffuse_color: Vec3::ONE,
     }
@@ -41,8 +33,7 @@ pub(super) fn plain(roughness: f32) -> SurfaceLobes {
 
 /// Returns glass of an index of refraction, as a thin wall or as the interface of a volume.
 fn glass(roughness: f32, ior: f32, is_thin: bool) -> SurfaceLobes {
-    let specular = Vec3::splat(((ior - 1.0) / (ior + 1.0)).powi(2));
-    SurfaceLobes { glass: GlassLobe { factor: 1.0, ior, is_thin, specular, ..plain(0.0).glass }, ..plain(roughness) }
+    SurfaceLobes { glass: GlassLobe { is_thin, ..GlassLobe::of_ior(ior) }, ..plain(roughness) }
 }
 
 fn bsdf(lobes: &SurfaceLobes, eta: f32) -> Bsdf {

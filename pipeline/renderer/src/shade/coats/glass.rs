@@ -26,13 +26,10 @@ impl Reflections<'_> {
     /// the surface is opaque.
     pub(super) fn through(&mut self, hit: &Hit, surface: &Surface, ray: ReflectedRay, passed: &Passed) -> Option<Vec3> {
         // Find the media on both sides of a volume's surface.
-        let lobes = surface.lobes.as_ref()?;
+        let lobes = surface.lobes.as_ref().filter(|lobes| lobes.transmits())?;
         let is_volume = lobes.glass.factor > 0.0 && !lobes.glass.is_thin;
         let eta = if is_volume { passed.media.eta(hit.instance, surface.front, lobes.glass.ior) } else { Some(1.0) };
         let met = Coated::of_hit(surface, hit, ray.direction, eta, self.prepared.epsilon);
-        if !met.transmits() {
-            return None;
-        }
         if passed.surfaces >= MOST_SURFACES {
             return Some(Vec3::ZERO);
         }

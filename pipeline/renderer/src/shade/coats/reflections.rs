@@ -287,11 +287,9 @@ impl Reflections<'_> {
             }
 
             // Continue on both sides of transparent surfaces.
-            if surface.lobes.is_some() {
-                let ray = ReflectedRay { direction, share: ray.share * luminance(throughput), ..ray };
-                if let Some(light) = self.through(&hit, &surface, ray, passed) {
-                    return (sum + throughput * light, first);
-                }
+            let onward = ReflectedRay { direction, share: ray.share * luminance(throughput), ..ray };
+            if let Some(light) = self.through(&hit, &surface, onward, passed) {
+                return (sum + throughput * light, first);
             }
             let met = Coated::of_hit(&surface, &hit, direction, None, *epsilon);
 
