@@ -96,7 +96,7 @@ fn ridged_floor() -> Scene {
         [code(x), code(0.0), code(cosine), 255]
     };
     let texels = (0..16 * 16).map(|place| texel(place % 16)).collect();
-    scene.textures.push(Texture::with_encoding(16, 16, texels, [Wrap::Repeat; 2], Encoding::Linear));
+    scene.textures.push(Texture::with_encoding(16, 16, texels, [Wrap::Repeat; 2], Encoding::Normal));
     let slot = TextureSlot { texture: 0, uv_set: 0, transform: None };
     let material = Material { normal_texture: Some((slot, 1.0)), ..gray(0.5) };
     add(&mut scene, material, &[[vec3(-10.0, 0.0, -10.0), Vec3::Z * 20.0, Vec3::X * 20.0]]);

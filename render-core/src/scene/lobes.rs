@@ -202,7 +202,8 @@ impl MaterialLobes {
         ];
         let normal = self.clearcoat.normal_texture.as_ref().map(|(slot, _)| slot);
         let colors = colors.into_iter().flatten().map(|slot| (slot, Encoding::Srgb));
-        colors.chain(factors.into_iter().flatten().chain(normal).map(|slot| (slot, Encoding::Linear)))
+        let factors = factors.into_iter().flatten().map(|slot| (slot, Encoding::Linear));
+        colors.chain(factors).chain(normal.map(|slot| (slot, Encoding::Normal)))
     }
 
     pub(super) fn slots_mut(&mut self) -> impl Iterator<Item = (&mut TextureSlot, Encoding)> {
@@ -221,7 +222,8 @@ impl MaterialLobes {
         ];
         let normal = clearcoat.normal_texture.as_mut().map(|(slot, _)| slot);
         let colors = colors.into_iter().flatten().map(|slot| (slot, Encoding::Srgb));
-        colors.chain(factors.into_iter().flatten().chain(normal).map(|slot| (slot, Encoding::Linear)))
+        let factors = factors.into_iter().flatten().map(|slot| (slot, Encoding::Linear));
+        colors.chain(factors).chain(normal.map(|slot| (slot, Encoding::Normal)))
     }
 }
 

@@ -40,6 +40,7 @@ pub use setting::Setting;
 pub use settings::{Gaze, LightSettings, SceneSettings, parse_frame_rate};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
+pub(crate) use texture::NORMAL_ROUNDING;
 pub use texture::{Encoding, Filtered, Texture, Wrap};
 pub use texture_slot::{TextureSlot, UV_SETS};
 

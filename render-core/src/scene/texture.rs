@@ -21,9 +21,14 @@ pub enum Wrap {
 pub enum Encoding {
     /// Colors in sRGB.
     Srgb,
-    /// Linear numbers, such as roughness, metalness and normals.
+    /// Linear numbers, such as roughness and metalness.
     Linear,
+    /// Linear components of unit normals, from −1…1 in 0…255 (glTF 2.0, 3.9.3).
+    Normal,
 }
+
+/// Deviation of a unit normal's length after rounding to 8 bits a component: at most √3 / 255, and slight interpolation.
+pub(crate) const NORMAL_ROUNDING: f32 = 0.01;
 
 /// Image with its mip levels, each half the size of the previous level. Copies share the texels.
 #[derive(Clone, Debug)]
@@ -57,7 +62,7 @@ impl Encoding {
     fn to_linear(self) -> &'static [f32; 256] {
         match self {
             Encoding::Srgb => &SRGB_TO_LINEAR,
-            Encoding::Linear => &CODE_TO_LINEAR,
+            Encoding::Linear | Encoding::Normal => &CODE_TO_LINEAR,
         }
     }
 
@@ -65,7 +70,7 @@ impl Encoding {
     pub(super) fn code(self, c: f32) -> u8 {
         let c = c.clamp(0.0, 1.0);
         let e = match self {
-            Encoding::Linear => c,
+            Encoding::Linear | Encoding::Normal => c,
             Encoding::Srgb if c <= 0.003_130_8 => 12.92 * c,
             Encoding::Srgb => 1.055 * c.powf(1.0 / 2.4) - 0.055,
         };
@@ -92,7 +97,8 @@ impl Texture {
         Self::with_encoding(width, height, texels, wrap, Encoding::Srgb)
     }
 
-    /// Takes ownership of `width × height` RGBA texels and builds the mip levels.
+    /// Takes ownership of `width × height` RGBA texels and builds the mip levels. Normals get unit length first, so
+    /// that only the mean of different normals is short.
     ///
     /// # Panics
     /// If the size is zero or the number of texels is not `width * height`.
@@ -100,11 +106,14 @@ impl Texture {
     pub fn with_encoding(
         width: usize,
         height: usize,
-        texels: Vec<[u8; 4]>,
+        mut texels: Vec<[u8; 4]>,
         wrap: [Wrap; 2],
         encoding: Encoding,
     ) -> Self {
         assert!(width > 0 && height > 0 && texels.len() == width * height, "{width}x{height} texels expected");
+        if encoding == Encoding::Normal {
+            texels.par_iter_mut().with_min_len(1 << 14).for_each(|texel| *texel = unit_normal(*texel));
+        }
         // Halve the image until one texel remains.
         let mut levels = vec![Level { width, height, texels }];
         while let Some(last) = levels.last().filter(|level| level.width > 1 || level.height > 1) {
@@ -244,6 +253,7 @@ impl Texture {
         let encoding = match self.encoding {
             Encoding::Srgb => 0,
             Encoding::Linear => 1,
+            Encoding::Normal => 2,
         };
         [*width, *height].iter().for_each(|&side| visitor(&(side as u64).to_le_bytes()));
         visitor(&[wrap[0], wrap[1], encoding]);
@@ -344,6 +354,23 @@ fn neighbors(c: f32, n: usize, wrap: Wrap) -> ([usize; 2], f32) {
 fn floor(x: f32) -> i64 {
     let towards_zero = x as i64;
     towards_zero - i64::from(x < towards_zero as f32)
+}
+
+/// Returns a texel of a normal map with unit length, up to rounding. Compressed files and painted maps contain others.
+/// A texel without direction becomes the flat normal.
+fn unit_normal([x, y, z, alpha]: [u8; 4]) -> [u8; 4] {
+    let stored = Vec3::from([x, y, z].map(f32::from)) * (2.0 / 255.0) - 1.0;
+    let length = stored.length();
+    // Code values around the middle, 127 and 128, encode zero.
+    if length < 0.02 {
+        return [128, 128, 255, alpha];
+    }
+    // Keep texels within the rounding error, to which another rounding would add.
+    if (length - 1.0).abs() <= NORMAL_ROUNDING {
+        return [x, y, z, alpha];
+    }
+    let [x, y, z] = (stored / length * 0.5 + 0.5).to_array().map(|c| Encoding::Normal.code(c));
+    [x, y, z, alpha]
 }
 
 impl Level {

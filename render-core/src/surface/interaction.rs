@@ -233,7 +233,9 @@ impl<'a> Interaction<'a> {
         let normal = normal * side;
         // At a silhouette, a normal may face away from the viewer, so bend it back to grazing.
         let away = normal.dot(*direction);
-        (if away < 0.0 { normal } else { (normal - *direction * (away + 1e-3)).normalize() }, unevenness)
+        let normal = if away < 0.0 { normal } else { (normal - *direction * (away + 1e-3)).normalize() };
+        let may_mirror = self.material.may_have_coat();
+        (if may_mirror { mirroring_outward(normal, self.geometric_normal, *direction) } else { normal }, unevenness)
     }
 
     /// Returns the smooth normal of the front in world space, and the interpolated normal of the mesh. Meshes without
@@ -264,6 +266,24 @@ impl<'a> Interaction<'a> {
         axes.map_or([Vec3A::ZERO; 2], |(x, y)| [x, y].map(|v| v - normal * normal.dot(v)))
     }
 }
+
+/// Returns a shading normal that mirrors a ray's `direction` to the outer side of the geometric normal. Other rays would
+/// end in the object, and a coat would be black there: \[Keller17\], A.3. All vectors have unit length, and the geometric
+/// normal points to the origin of the ray.
+fn mirroring_outward(normal: Vec3A, geometric: Vec3A, direction: Vec3A) -> Vec3A {
+    let mirrored = direction - normal * (2.0 * normal.dot(direction));
+    let height = mirrored.dot(geometric);
+    // Lift the mirrored ray just above the surface, but not above the ray that the plane itself mirrors.
+    let least = LEAST_COSINE.min(-0.9 * geometric.dot(direction));
+    if height >= least {
+        return normal;
+    }
+    let lifted = (mirrored + geometric * (least - height)).normalize_or(geometric);
+    (lifted - direction).try_normalize().unwrap_or(normal)
+}
+
+/// Least cosine to the geometric normal of the ray that a shading normal mirrors.
+const LEAST_COSINE: f32 = 0.01;
 
 #[cfg(test)]
 mod tests {

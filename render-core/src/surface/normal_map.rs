@@ -1,11 +1,8 @@
 //! Normal maps: tangent frame, and the effect of detail below the resolution.
 
 use super::site::TrianglePoint;
-use crate::scene::TextureSlot;
+use crate::scene::{NORMAL_ROUNDING, TextureSlot};
 use glam::{Affine3A, Vec3, Vec3A, Vec4, Vec4Swizzles};
-
-/// Shortening of a mean unit normal that counts as rounding: three components of 8 bits, and slight interpolation.
-const ROUNDING: f32 = 0.01;
 
 /// Returns the unit directions of a normal map's x and y axes, from the file's tangent. The vertices' transform applies
 /// to both, so that mirrored objects keep their bumps.
@@ -33,7 +30,7 @@ impl TrianglePoint<'_> {
         // Filtering shortens the mean normal where the map is uneven.
         let mapped = x * (texel.x * scale) + y * (texel.y * scale) + normal * texel.z;
         let length = texel.length().clamp(1e-3, 1.0);
-        (mapped.try_normalize().unwrap_or(normal), ((1.0 - length - ROUNDING) / length).max(0.0))
+        (mapped.try_normalize().unwrap_or(normal), ((1.0 - length - NORMAL_ROUNDING) / length).max(0.0))
     }
 
     /// Returns the unit directions of a normal map's x and y axes, from the texture coordinates: x along increasing u,

@@ -40,7 +40,7 @@ const UP: [u8; 3] = [128, 204, 230];
 
 fn mapped(texel: [u8; 3], mesh: Mesh, place: Transform, direction: Vec3) -> Surface {
     let material = Material { normal_texture: Some((slot(0), 1.0)), double_sided: true, ..Material::default() };
-    seen(mesh, material, vec![plain(texel, Encoding::Linear)], place, direction)
+    seen(mesh, material, vec![plain(texel, Encoding::Normal)], place, direction)
 }
 
 fn assert_near(found: Vec3A, expected: Vec3, what: &str) {
@@ -108,10 +108,60 @@ fn no_normal_turns_away_from_the_viewer() {
     }
 }
 
+/// The mirrored ray of a glossy surface leaves outward wherever the plane's own mirrored ray does. Normals that satisfy
+/// this stay as they are, and matte surfaces keep all normals.
+#[test]
+fn no_normal_mirrors_the_viewer_into_the_surface() {
+    let seen_by = |texel, direction, roughness| {
+        let material = Material { normal_texture: Some((slot(0), 1.0)), roughness, ..Material::default() };
+        let surface = seen(square(), material, vec![plain(texel, Encoding::Normal)], rest(Vec3::ZERO), direction);
+        let direction = Vec3A::from(direction.normalize());
+        let mirrored = direction - surface.shading_normal * (2.0 * surface.shading_normal.dot(direction));
+        (surface, mirrored)
+    };
+    let mut bent = 0;
+    for texel in [[255, 128, 128], [0, 128, 128], [128, 0, 128], RIGHT, UP, [128, 128, 255]] {
+        for k in 0..40 {
+            let angle = k as f32 * 0.157;
+            for slope in [0.002f32, 0.05, 0.5, 2.0] {
+                let direction = vec3(angle.cos(), angle.sin(), -slope);
+                let (glossy, mirrored) = seen_by(texel, direction, 0.4);
+                let (matte, straight) = seen_by(texel, direction, 1.0);
+                assert!(mirrored.z > 0.0, "{texel:?} seen along {direction} mirrors it to {mirrored}");
+                assert!(glossy.shading_normal.dot(direction.into()) < 0.0);
+                if straight.z > 0.01 {
+                    assert_eq!(glossy.shading_normal, matte.shading_normal);
+                } else {
+                    bent += 1;
+                }
+            }
+        }
+    }
+    // Both cases occur among the 960 views.
+    assert!((100..860).contains(&bent), "{bent} normals would mirror inward");
+}
+
+/// Normals of any length, as compressed and painted maps have, show the same direction without added roughness.
+#[test]
+fn short_and_long_normals_count_as_unit_normals() {
+    let seen_with = |texel| {
+        let material = Material { normal_texture: Some((slot(0), 1.0)), roughness: 0.1, ..Material::default() };
+        seen(square(), material, vec![plain(texel, Encoding::Normal)], rest(Vec3::ZERO), -Vec3::Z)
+    };
+    for length in [0.7f32, 0.9, 0.97, 1.03, 1.25] {
+        let texel = (vec3(0.6, 0.0, 0.8) * length * 127.5 + 127.5).round().to_array().map(|c| c as u8);
+        let surface = seen_with(texel);
+        assert_near(surface.shading_normal, vec3(0.6, 0.0, 0.8), &format!("length {length}"));
+        assert_eq!(surface.roughness, 0.1, "length {length}");
+    }
+    // A texel without direction is flat.
+    assert_near(seen_with([128, 127, 128]).shading_normal, Vec3::Z, "no direction");
+}
+
 #[test]
 fn the_scale_of_a_normal_map_acts_on_x_and_y() {
     let material = Material { normal_texture: Some((slot(0), 0.5)), ..Material::default() };
-    let surface = seen(square(), material, vec![plain(RIGHT, Encoding::Linear)], rest(Vec3::ZERO), -Vec3::Z);
+    let surface = seen(square(), material, vec![plain(RIGHT, Encoding::Normal)], rest(Vec3::ZERO), -Vec3::Z);
     assert_near(surface.shading_normal, vec3(0.3, 0.0, 0.8).normalize(), "half");
 }
 
@@ -138,7 +188,7 @@ fn metalness_and_roughness_are_numbers_and_base_color_is_srgb() {
 fn bumps_below_a_pixel_become_roughness() {
     // Alternate slopes to the left and to the right, one texel each.
     let texels = (0..64).map(|i| if i % 2 == 0 { [204, 128, 230, 255] } else { [51, 128, 230, 255] }).collect();
-    let texture = Texture::with_encoding(8, 8, texels, [Wrap::Repeat; 2], Encoding::Linear);
+    let texture = Texture::with_encoding(8, 8, texels, [Wrap::Repeat; 2], Encoding::Normal);
     let material = Material { normal_texture: Some((slot(0), 1.0)), roughness: 0.2, ..Material::default() };
     let mut scene = Scene { textures: vec![texture], ..Scene::default() };
     add(&mut scene, rest(Vec3::ZERO), square(), material);

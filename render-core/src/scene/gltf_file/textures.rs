@@ -104,7 +104,7 @@ impl<'a> Reading<'a> {
         };
         self.place(emission_texture.as_mut(), Encoding::Srgb)?;
         self.place(rough, Encoding::Linear)?;
-        self.place(material.normal_texture.as_mut().map(|(slot, _)| slot), Encoding::Linear)?;
+        self.place(material.normal_texture.as_mut().map(|(slot, _)| slot), Encoding::Normal)?;
         let mut lobes = material.lobes.iter_mut().flat_map(|lobes| lobes.slots_mut());
         lobes.try_for_each(|(slot, encoding)| self.place(Some(slot), encoding))
     }
