@@ -3,7 +3,7 @@
 //! Each type contains the properties of one ratified extension, named as in the extension. The default of each type
 //! disables the extension.
 
-use super::texture::Encoding;
+use super::encoding::Encoding;
 use super::texture_slot::TextureSlot;
 use glam::{Vec2, Vec3};
 

@@ -32,6 +32,8 @@ const ON_EDGE: f32 = 8.0 * f32::EPSILON;
 const OFF_EDGE: f32 = 2e-5;
 /// Minimum height of a triangle over an edge that allows the offset, in units of [`OFF_EDGE`].
 const LEAST_HEIGHT: f32 = 4.0;
+/// Least cosine to the geometric normal of the ray that a shading normal mirrors: 0.6° above the plane.
+const LEAST_COSINE: f32 = 0.01;
 
 /// Returns the offset from a point of a triangle, with barycentric weights `u` and `v`, to a nearby point on no edge.
 /// The offset is zero for nearly all points. `area_vector` is the cross product of the sides from the first corner.
@@ -281,9 +283,6 @@ fn mirroring_outward(normal: Vec3A, geometric: Vec3A, direction: Vec3A) -> Vec3A
     let lifted = (mirrored + geometric * (least - height)).normalize_or(geometric);
     (lifted - direction).try_normalize().unwrap_or(normal)
 }
-
-/// Least cosine to the geometric normal of the ray that a shading normal mirrors.
-const LEAST_COSINE: f32 = 0.01;
 
 #[cfg(test)]
 mod tests {
