@@ -5,21 +5,25 @@ mod layers;
 mod outline;
 mod shares;
 mod shown;
+mod through;
 mod vectors;
 
 use crate::accel::{Hit, PACKET};
 use crate::ranks::{Ranks, in_order, portable, share_each};
 use crate::scene::{DeformedMesh, View};
+use crate::surface::Interaction;
 use crate::{Busy, PosedScene, Surfaces, Timed};
 use glam::{Affine3A, Vec2, Vec3, Vec3A};
 use layers::{Layer, Shown, center};
 use plane::{Correspondence, NO_MATCH, Plane};
 use rayon::prelude::*;
 use std::sync::Arc;
+use through::behind_panes;
 
 pub use coverage::{Coverage, MixedPixel, SurfaceFragment};
 pub use layers::LayeredPixel;
 pub use shares::{InstanceShare, InstanceShares};
+pub use through::SeenThrough;
 
 /// Side of the tiles in which rays are traced \[pixels\]: an MPEG-2 macroblock.
 pub const MACROBLOCK: usize = 16;
@@ -123,6 +127,8 @@ pub struct GBuffer {
     pub deformed: Vec<Option<Arc<DeformedMesh>>>,
     /// Pixels with several layers at their centers, in raster order.
     pub layered: Arc<[LayeredPixel]>,
+    /// Surfaces seen through panes, in raster order.
+    pub through: Arc<[SeenThrough]>,
 }
 
 impl GBuffer {
@@ -135,8 +141,8 @@ impl GBuffer {
     pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
         let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, PixelSurface::EMPTY));
         let camera = Camera { shown: &shown, view, sample };
-        let layered = Timed::of(|busy| camera.trace(&mut pixels, busy));
-        layered.map(|layered| Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) })
+        let traced = Timed::of(|busy| camera.trace(&mut pixels, busy));
+        traced.map(|further| further.of(Self::placed(pixels, scene.surfaces, view)))
     }
 
     /// Traces rays as [`trace_at`](Self::trace_at) does, with macroblocks shared among `ranks`. All ranks receive the
@@ -162,7 +168,7 @@ impl GBuffer {
 
         // Assemble the macroblocks of all ranks.
         let mut pixels = Plane::filled(width, height, PixelSurface::EMPTY);
-        let mut layered = Vec::new();
+        let mut further = Further::default();
         for (block, traced) in traced.value.into_iter().enumerate() {
             let (left, top) = corner(block);
             let columns = MACROBLOCK.min(width - left);
@@ -170,17 +176,17 @@ impl GBuffer {
                 let begin = (top + row) * width + left;
                 pixels.samples_mut()[begin..begin + columns].copy_from_slice(surfaces);
             }
-            layered.extend(traced.layered);
+            further.add(traced.further);
         }
-        layered.sort_unstable_by_key(|pixel| pixel.index);
-        let value = Self { layered: layered.into(), ..Self::placed(pixels, scene.surfaces, view) };
+        let value = further.of(Self::placed(pixels, scene.surfaces, view));
         Timed { value, seconds: traced.seconds }
     }
 
     /// Builds a G-buffer of `pixels` with the current transforms of `surfaces`.
     fn placed(pixels: Plane<PixelSurface>, surfaces: &Surfaces, view: &View) -> Self {
         let world = (0..surfaces.scene().instances.len()).map(|instance| *surfaces.world(instance)).collect();
-        Self { pixels, view: *view, world, deformed: surfaces.all_deformed().to_vec(), layered: Arc::default() }
+        let (layered, through, deformed) = (Arc::default(), Arc::default(), surfaces.all_deformed().to_vec());
+        Self { pixels, view: *view, world, deformed, layered, through }
     }
 }
 
@@ -231,11 +237,43 @@ portable!(PixelSurface {
 struct MacroblockSurfaces {
     /// Surfaces of the pixels, by rows.
     pixels: Vec<PixelSurface>,
-    /// Pixels with several layers.
-    layered: Vec<LayeredPixel>,
+    further: Further,
 }
 
-portable!(MacroblockSurfaces { pixels, layered });
+/// Further surfaces of some pixels.
+#[derive(Default)]
+struct Further {
+    /// Pixels with several layers.
+    layered: Vec<LayeredPixel>,
+    /// Surfaces seen through panes.
+    through: Vec<SeenThrough>,
+}
+
+portable!(MacroblockSurfaces { pixels, further });
+portable!(Further { layered, through });
+
+impl Further {
+    fn add(&mut self, other: Self) {
+        self.layered.extend(other.layered);
+        self.through.extend(other.through);
+    }
+
+    /// Adds the surfaces to a G-buffer. Sorts them, because packets are not in raster order, which binary search
+    /// requires.
+    fn of(mut self, seen: GBuffer) -> GBuffer {
+        self.layered.sort_unstable_by_key(|pixel| pixel.index);
+        self.through.sort_unstable_by_key(|pixel| pixel.index);
+        GBuffer { layered: self.layered.into(), through: self.through.into(), ..seen }
+    }
+}
+
+/// Surfaces of a traced pixel.
+struct TracedPixel {
+    surface: PixelSurface,
+    layers: Vec<Layer>,
+    /// Surface behind panes.
+    through: Option<PixelSurface>,
+}
 
 /// Camera that traces one sample of each pixel of a picture.
 struct Camera<'a> {
@@ -245,58 +283,57 @@ struct Camera<'a> {
 }
 
 impl Camera<'_> {
-    /// Traces all `pixels` of a picture. Returns the pixels with several layers, in raster order.
-    fn trace(&self, pixels: &mut Plane<PixelSurface>, busy: &Busy) -> Vec<LayeredPixel> {
+    /// Traces all `pixels` of a picture. Returns their further surfaces.
+    fn trace(&self, pixels: &mut Plane<PixelSurface>, busy: &Busy) -> Further {
         let width = pixels.width();
         let strips = pixels.samples_mut().par_chunks_mut(MACROBLOCK * width).enumerate();
-        let layered: Vec<Vec<LayeredPixel>> =
+        let of_strips: Vec<Further> =
             strips.map(|(tile_row, strip)| busy.measure(|| self.strip(tile_row * MACROBLOCK, width, strip))).collect();
-
-        // Sort the pixels: packets are not in raster order, which binary search requires.
-        let mut layered = layered.concat();
-        layered.sort_unstable_by_key(|pixel| pixel.index);
-        layered
+        let mut further = Further::default();
+        of_strips.into_iter().for_each(|of_strip| further.add(of_strip));
+        further
     }
 
-    /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns the row's pixels with several
-    /// layers.
-    fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Vec<LayeredPixel> {
+    /// Traces a row of macroblocks, starting at line `top`, into `strip`. Returns the row's further surfaces.
+    fn strip(&self, top: usize, width: usize, strip: &mut [PixelSurface]) -> Further {
         // Trace one macroblock after the other.
         let rows = strip.len() / width;
-        let mut layered = Vec::new();
+        let mut further = Further::default();
         for left in (0..width).step_by(MACROBLOCK) {
             let traced = self.macroblock((left, top), (width, top + rows));
             let columns = MACROBLOCK.min(width - left);
             for (row, surfaces) in traced.pixels.chunks(columns).enumerate() {
                 strip[row * width + left..][..columns].copy_from_slice(surfaces);
             }
-            layered.extend(traced.layered);
+            further.add(traced.further);
         }
-        layered
+        further
     }
 
     /// Traces the pixels of the macroblock with this upper left corner, in a picture of this size.
     fn macroblock(&self, (left, top): (usize, usize), (width, height): (usize, usize)) -> MacroblockSurfaces {
         // Trace four packets. Packets at the border of the picture are smaller.
         let (columns, rows) = (MACROBLOCK.min(width - left), MACROBLOCK.min(height - top));
-        let mut traced = MacroblockSurfaces { pixels: vec![PixelSurface::EMPTY; columns * rows], layered: Vec::new() };
+        let (mut pixels, mut further) = (vec![PixelSurface::EMPTY; columns * rows], Further::default());
         for (x0, y0) in PACKET_CORNERS {
             let places = packet_places().map(|(x, y)| (x0 + x, y0 + y)).filter(|&(x, y)| x < columns && y < rows);
-            self.see_together(places.map(|(x, y)| (left + x, top + y)), |(x, y), pixel, layers| {
-                traced.pixels[(y - top) * columns + x - left] = pixel;
-                if layers.len() > 1 {
-                    traced.layered.push(LayeredPixel { index: (y * width + x) as u32, layers });
+            self.see_together(places.map(|(x, y)| (left + x, top + y)), |(x, y), traced| {
+                let index = (y * width + x) as u32;
+                pixels[(y - top) * columns + x - left] = traced.surface;
+                if traced.layers.len() > 1 {
+                    further.layered.push(LayeredPixel { index, layers: traced.layers });
                 }
+                further.through.extend(traced.through.map(|surface| SeenThrough { index, surface }));
             });
         }
-        traced
+        MacroblockSurfaces { pixels, further }
     }
 
     /// Traces the rays of a packet's pixels together.
     fn see_together(
         &self,
         places: impl Iterator<Item = (usize, usize)>,
-        mut set: impl FnMut((usize, usize), PixelSurface, Vec<Layer>),
+        mut set: impl FnMut((usize, usize), TracedPixel),
     ) {
         let Self { shown, view, sample } = *self;
         let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
@@ -314,7 +351,16 @@ impl Camera<'_> {
             let layers = shown.layers(rays[i], hits[i], view, sample.width);
             let (x, y) = pixels[i];
             let hit = if layers.is_empty() { hits[i] } else { center(&layers, x, y, sample) };
-            set(pixels[i], see(hit, rays[i], solid, &|depth| sample.width * view.pixel_width(depth), view), layers);
+            let surface = see(hit, rays[i], solid, &|depth| sample.width * view.pixel_width(depth), view);
+
+            // Find the surface behind panes.
+            let is_met = shown.has_panes() && surface.instance != NOTHING;
+            let behind = if is_met { behind_panes(&surface, rays[i], solid) } else { None };
+            let through = behind.map(|(ray, hit)| {
+                let hit = hit.and_then(|hit| ray.shown(solid, hit, |_| 0.0));
+                surface_of(hit, ray, solid, view)
+            });
+            set(pixels[i], TracedPixel { surface, layers, through });
         }
     }
 }
@@ -344,15 +390,23 @@ fn first_hits(scene: PosedScene, rays: &[CameraRay], view: &View) -> [Option<Hit
 /// Returns the surface that a ray shows. Textures are filtered over the ray's cone, which is `width(depth)` meters
 /// wide.
 fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) -> f32, view: &View) -> PixelSurface {
-    // Find the visible surface with textures filtered over the cone at the depth of the hit.
-    let CameraRay { origin, direction } = ray;
-    let depth = |hit: &Hit| view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth);
-    let width = |hit: &Hit| width(depth(hit));
-    let shown = hit.and_then(|hit| ray.shown_within(view.distances(direction), scene, hit, width));
+    // Filter textures over the cone at the depth of the hit.
+    let width = |hit: &Hit| width(depth(hit, ray, view));
+    let shown = hit.and_then(|hit| ray.shown_within(view.distances(ray.direction), scene, hit, width));
+    surface_of(shown, ray, scene, view)
+}
 
+/// Returns the depth of a ray's hit along the camera's axis \[m\].
+fn depth(hit: &Hit, CameraRay { origin, direction }: CameraRay, view: &View) -> f32 {
+    view.project(origin + direction * hit.distance).map_or(hit.distance, |seen| seen.depth)
+}
+
+/// Returns the surface of the visible hit of a ray, or the sky.
+fn surface_of(shown: Option<(Hit, Interaction)>, ray: CameraRay, scene: PosedScene, view: &View) -> PixelSurface {
     // Return the sky if no surface is visible. Its position is a direction.
     let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
-        let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
+        let direction = Vec3::from(ray.direction);
+        let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction));
         return PixelSurface { position: direction.into(), emission: sky.into(), ..PixelSurface::EMPTY };
     };
     PixelSurface {
@@ -363,7 +417,7 @@ fn see(hit: Option<Hit>, ray: CameraRay, scene: PosedScene, width: &dyn Fn(f32) 
         specular: surface.specular.into(),
         roughness: surface.roughness,
         emission: surface.emission.into(),
-        depth: depth(&hit),
+        depth: depth(&hit, ray, view),
         instance: hit.instance,
         triangle: hit.triangle,
     }
@@ -376,7 +430,7 @@ const ALIKE_DEPTH: f32 = 0.005;
 
 impl GBuffer {
     /// Reprojects each pixel's surface point to `other`, with the transform of the instance, or with the triangle if
-    /// the mesh is deformed.
+    /// the mesh is deformed. A pixel of a clear pane has the motion of the surface behind the pane.
     pub fn reproject(&self, other: &GBuffer) -> Timed<Correspondence> {
         Timed::of(|busy| self.reprojected(other, busy))
     }
@@ -394,7 +448,7 @@ impl GBuffer {
         rows.enumerate().for_each(|(y, (motion, matches))| {
             busy.measure(|| {
                 for x in 0..width {
-                    if let Some((place, index)) = locate(self.pixels.get(x, y), self, &carry, other) {
+                    if let Some((place, index)) = locate(self.moving(y * width + x), self, &carry, other) {
                         let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                         motion[x] = (place - center).to_array();
                         matches[x] = index;
@@ -453,7 +507,8 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
         if x < 0.0 || y < 0.0 || x >= other.pixels.width() as f32 || y >= other.pixels.height() as f32 {
             continue;
         }
-        let candidate = other.pixels.get(x as usize, y as usize);
+        let index = y as usize * other.pixels.width() + x as usize;
+        let candidate = other.moving(index);
         // Sky matches sky; surfaces must agree in position and normal.
         let alike = if sky {
             candidate.instance == NOTHING
@@ -462,7 +517,7 @@ fn locate(pixel: PixelSurface, current: &GBuffer, carry: &[Affine3A], other: &GB
         };
         let distance = (corner - Vec2::new(x, y)).length_squared();
         if alike && best.is_none_or(|(nearest, _)| distance < nearest) {
-            best = Some((distance, y as u32 * other.pixels.width() as u32 + x as u32));
+            best = Some((distance, index as u32));
         }
     }
     best.map(|(_, index)| (place, index))

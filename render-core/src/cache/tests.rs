@@ -56,7 +56,14 @@ fn floor_from(eye: Vec3, split: impl Fn(&mut PixelSurface)) -> GBuffer {
         }
         pixel
     });
-    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY; 2], deformed: Vec::new(), layered: Arc::default() }
+    GBuffer {
+        pixels,
+        view,
+        world: vec![Affine3A::IDENTITY; 2],
+        deformed: Vec::new(),
+        layered: Arc::default(),
+        through: Arc::default(),
+    }
 }
 
 /// A lamp of intensity 1 W/sr above the middle of the floor. Its irradiance is E = cos θ / r².

@@ -60,11 +60,17 @@ pub(super) struct Shown<'a> {
     scene: PosedScene<'a>,
     /// Accelerators of the scene without its sheets, and of the sheets alone; `None` if the scene has no sheets.
     apart: Option<&'a [Accelerator; 2]>,
+    has_panes: bool,
 }
 
 impl<'a> Shown<'a> {
     pub fn new(scene: PosedScene<'a>) -> Self {
-        Self { scene, apart: scene.accelerator.without_sheets() }
+        Self { scene, apart: scene.accelerator.without_sheets(), has_panes: scene.surfaces.has_clear_walls() }
+    }
+
+    /// Returns whether some surfaces may be clear panes.
+    pub fn has_panes(&self) -> bool {
+        self.has_panes
     }
 
     /// Returns the opaque geometry, at which camera rays end.

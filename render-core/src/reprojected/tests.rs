@@ -30,7 +30,14 @@ fn floor(steps: f32) -> GBuffer {
             triangle: 0,
         }
     });
-    GBuffer { pixels, view, world: vec![Affine3A::IDENTITY], deformed: Vec::new(), layered: Arc::default() }
+    GBuffer {
+        pixels,
+        view,
+        world: vec![Affine3A::IDENTITY],
+        deformed: Vec::new(),
+        layered: Arc::default(),
+        through: Arc::default(),
+    }
 }
 
 /// Last picture of a walk over the floor.

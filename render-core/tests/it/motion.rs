@@ -3,7 +3,9 @@
 use crate::common::{add, material, quad, rest};
 use glam::{Quat, Vec2, Vec3, vec3};
 use plane::NO_MATCH;
-use render_core::scene::{Camera, Channel, Interpolation, Node, Projection, Scene, Track, Transform};
+use render_core::scene::{
+    Camera, Channel, Interpolation, MaterialLobes, Node, Projection, Scene, Track, Transform, Transmission,
+};
 use render_core::{Accelerator, GBuffer, Geometry, NOTHING, PosedScene, Surfaces};
 
 const SIZE: usize = 128;
@@ -48,10 +50,10 @@ fn pixel(place: Transform, p: Vec3) -> Vec2 {
     Vec2::new(SIZE as f32 / 2.0 + focal * local.x / -local.z, SIZE as f32 / 2.0 - focal * local.y / -local.z)
 }
 
-#[test]
-fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
-    let scene = scene();
-    let (before, now) = (seen(&scene, 0.0), seen(&scene, 1.0));
+/// Compares vectors with the closed form. `shows_board` is whether the board's pixels show the board, not the wall
+/// behind it. Returns the number of vectors, and of those at the board.
+fn assert_closed_form(scene: &Scene, shows_board: bool) -> (usize, usize) {
+    let (before, now) = (seen(scene, 0.0), seen(scene, 1.0));
     let correspondence = now.reproject(&before).value;
     let camera =
         [rest(Vec3::ZERO), Transform { rotation: Quat::from_rotation_y(0.05), ..rest(vec3(0.13, 0.07, -0.2)) }];
@@ -64,7 +66,8 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
             let focal = SIZE as f32 / 2.0 / (YFOV / 2.0).tan();
             let half = SIZE as f32 / 2.0;
             let ray = camera[1].rotation * vec3((center.x - half) / focal, (half - center.y) / focal, -1.0);
-            let on_board = now.pixels.get(x, y).instance == 1;
+            let meets_board = now.pixels.get(x, y).instance == 1;
+            let on_board = meets_board && shows_board;
             let plane_z = if on_board { -3.0 } else { -6.0 };
             let p = camera[1].translation + ray * ((plane_z - camera[1].translation.z) / ray.z);
             // Compute the point's previous position: invert the board's pose in this frame, and apply the pose in the
@@ -77,11 +80,74 @@ fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
             let error = (center + Vec2::new(dx, dy) - pixel(camera[0], then)).length();
             worst = worst.max(error);
             checked += 1;
-            board += usize::from(on_board);
+            board += usize::from(meets_board);
         }
     }
-    assert!(checked > SIZE * SIZE * 8 / 10 && board > 1000, "{checked} vectors, {board} on the board");
     assert!(worst <= 1.0 / 16.0, "worst vector is {worst} pixels off");
+    (checked, board)
+}
+
+#[test]
+fn vectors_are_within_a_sixteenth_of_a_pixel_of_the_closed_form() {
+    let (checked, board) = assert_closed_form(&scene(), true);
+    assert!(checked > SIZE * SIZE * 8 / 10 && board > 1000, "{checked} vectors, {board} on the board");
+}
+
+/// Changes the material of the scene's second instance to a thin wall of glass.
+fn make_pane(scene: &mut Scene, factor: f32, roughness: f32, tint: f32) {
+    let transmission = Transmission { factor, ..Transmission::default() };
+    let material = &mut scene.materials[1];
+    material.base_color = Vec3::splat(tint);
+    material.roughness = roughness;
+    material.metallic = 0.0;
+    material.double_sided = true;
+    material.lobes = Some(Box::new(MaterialLobes { transmission, ..MaterialLobes::default() }));
+}
+
+/// Pixels of a moving pane, clear or tinted, have the motion of the wall behind it, also at borders of the pane. Dark,
+/// rough and mostly opaque panes have their own motion.
+#[test]
+fn panes_move_as_the_surface_behind_them() {
+    for (factor, roughness, tint, shows_board) in [
+        (1.0, 0.0, 1.0, false),
+        (0.7, 0.0, 1.0, false),
+        (1.0, 0.0, 0.5, false),
+        (1.0, 0.0, 0.1, true),
+        (1.0, 0.6, 1.0, true),
+        (0.2, 0.0, 1.0, true),
+    ] {
+        let mut scene = scene();
+        make_pane(&mut scene, factor, roughness, tint);
+        let (checked, board) = assert_closed_form(&scene, shows_board);
+        // A pane hides nothing, so more pixels have a vector.
+        let least = if shows_board { 8 } else { 9 };
+        assert!(checked > SIZE * SIZE * least / 10 && board > 1000, "{checked} vectors, {board} on the pane");
+    }
+}
+
+/// Two panes in front of the sky: the camera's rotation moves the sky, at any position of the panes.
+#[test]
+fn sky_behind_panes_moves_with_the_camera() {
+    let mut scene = scene();
+    scene.channels.remove(2);
+    make_pane(&mut scene, 1.0, 0.0, 1.0);
+    scene.materials[0] = scene.materials[1].clone();
+    let correspondence = seen(&scene, 1.0).reproject(&seen(&scene, 0.0)).value;
+    let (half, focal) = (SIZE as f32 / 2.0, SIZE as f32 / 2.0 / (YFOV / 2.0).tan());
+    let mut checked = 0;
+    for (k, motion) in correspondence.motion().samples().iter().enumerate() {
+        let (x, y) = (k % SIZE, k / SIZE);
+        if correspondence.match_of(x, y).is_none() {
+            continue;
+        }
+        let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let ray = vec3((center.x - half) / focal, (half - center.y) / focal, -1.0);
+        let turned = Quat::from_rotation_y(0.05) * ray;
+        let error = center + Vec2::from(*motion) - pixel(rest(Vec3::ZERO), turned);
+        assert!(error.length() < 1.0 / 16.0, "vector at ({x}, {y}) is {error} pixels off");
+        checked += 1;
+    }
+    assert!(checked > SIZE * SIZE * 8 / 10, "{checked} vectors");
 }
 
 #[test]
