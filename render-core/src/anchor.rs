@@ -264,6 +264,10 @@ impl Anchors {
     /// larger, because most lights are far away.
     #[must_use]
     pub fn default_count(scene: &Scene) -> usize {
+        // A studio lights its scene directly, so reflected light is a small fraction.
+        if scene.ground.is_some() {
+            return STUDIO_ANCHORS;
+        }
         let triangles = scene.triangle_count().max(1) as f64;
         // Map 1000 triangles to 4000 anchors, and 64 000 or more to 40 000: a factor of ten in six doublings.
         let doublings = (triangles / 1000.0).log2().clamp(0.0, 6.0);
@@ -278,6 +282,9 @@ fn worth_it(zones: &Zones, surfaces: &Surfaces) -> Zones {
     let is_worth_it = !zones.is_one() && area(&Zones::default()) > GAIN * area(zones);
     if is_worth_it { zones.clone() } else { Zones::default() }
 }
+
+/// Number of anchors in a studio.
+const STUDIO_ANCHORS: usize = 1000;
 
 impl DynamicAnchor {
     /// Returns the anchor in world space, at the pose of `surfaces`.

@@ -406,14 +406,14 @@ fn surface_of(shown: Option<(Hit, Interaction)>, ray: CameraRay, scene: PosedSce
     // Return the sky if no surface is visible. Its position is a direction.
     let Some((hit, surface)) = shown.map(|(hit, point)| (hit, point.surface())) else {
         let direction = Vec3::from(ray.direction);
-        let sky = scene.surfaces.scene().sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction));
+        let sky = scene.surfaces.scene().background(direction);
         return PixelSurface { position: direction.into(), emission: sky.into(), ..PixelSurface::EMPTY };
     };
     PixelSurface {
         position: surface.position.into(),
         geometric_normal: surface.geometric_normal.into(),
         shading_normal: surface.shading_normal.into(),
-        albedo: surface.albedo.into(),
+        albedo: (surface.albedo * scene.surfaces.scene().camera_gain(hit.instance)).into(),
         specular: surface.specular.into(),
         roughness: surface.roughness,
         emission: surface.emission.into(),

@@ -1,10 +1,12 @@
 //! Single pictures, frames as pictures, and films of selected frames.
 
+use glam::{Mat4, Vec3, vec2, vec3};
 use laboratory::compare::png_file;
 use plane::Plane;
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use tests::{Finished, Moving, assert_fails, checkered_room, render, render2mpeg, sorted_names};
+use tests::{Ball, Finished, Glb, Moving, assert_fails, checkered_room, render, render2mpeg, sorted_names};
 
 const SMALL: &str = "--size 48x32 --vpls 60";
 
@@ -101,7 +103,7 @@ fn films_show_the_frames_that_are_wanted() {
     for (frame, of_whole) in [(0, 6), (1, 8), (2, 10)] {
         let ((a, sum), (b, _), (elsewhere, _)) =
             (linear("some", frame), linear("whole", of_whole), linear("whole", of_whole + 1));
-        let apart = |a: &Plane<glam::Vec3>, b: &Plane<glam::Vec3>| -> f32 {
+        let apart = |a: &Plane<Vec3>, b: &Plane<Vec3>| -> f32 {
             a.samples().iter().zip(b.samples()).map(|(a, b)| (*a - *b).abs().element_sum()).sum()
         };
         assert!(apart(&a, &b) < 0.5 * apart(&a, &elsewhere) && apart(&a, &b) < 0.1 * sum, "{frame}");
@@ -136,4 +138,98 @@ fn presets_fill_in_what_is_left_open() {
         let text = printed(words);
         assert!(lines.iter().all(|line| text.contains(line)), "{words}: {text}");
     }
+}
+
+/// A transparent picture over the background of the opaque picture looks like the opaque picture.
+#[test]
+fn transparent_pictures_have_no_fringe() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut glb = Glb::default();
+    glb.add_ball(
+        Ball { center: vec3(0.0, 1.0, 0.0), radius: 1.0, columns: 24, rows: 12, half: false, inward: false },
+        Vec3::new(0.8, 0.2, 0.1),
+        Vec3::ZERO,
+    );
+    glb.write(&folder.join("ball.glb"));
+    let size = "--size 64x64 -q";
+    run(folder, &format!("still ball.glb {size} -o opaque.png"));
+    run(folder, &format!("still ball.glb {size} -o clear.png --background transparent"));
+    let opaque = png(&folder.join("opaque.png"));
+    let clear = image::open(folder.join("clear.png")).unwrap().into_rgba8();
+    let background = opaque.get(0, 0);
+    let (mut solid, mut border, mut shadow) = (0, 0, 0);
+    for y in 0..64 {
+        for x in 0..64 {
+            let [r, g, b, a] = clear.get_pixel(x, y).0;
+            let opacity = f32::from(a) / 255.0;
+            for ((color, back), shown) in [r, g, b].into_iter().zip(background).zip(opaque.get(x as usize, y as usize))
+            {
+                let over = opacity * f32::from(color) + (1.0 - opacity) * f32::from(back);
+                assert!((over - f32::from(shown)).abs() <= 4.0, "({x}, {y}): {over} for {shown}");
+            }
+            // Partly transparent pixels next to the ball are borders; all others are shadow.
+            let is_solid = |x: u32, y: u32| clear.get_pixel(x.min(63), y.min(63)).0[3] == 255;
+            let is_border = is_solid(x + 1, y) || is_solid(x.saturating_sub(1), y) || is_solid(x, y + 1);
+            solid += u32::from(a == 255);
+            border += u32::from(is_border && a < 255);
+            shadow += u32::from(!is_border && a > 8 && a < 255);
+            assert!(a < 255 || r > g.saturating_add(20) || g < 40, "({x}, {y}): {r} {g} {b} is opaque");
+        }
+    }
+    assert!(solid > 800 && border > 40 && shadow > 100, "{solid} solid, {border} at borders, {shadow} in shadow");
+    assert_fails(folder, &["still", "ball.glb", "-o", "a.jpg", "--background", "transparent"], &["a.jpg", ".png"]);
+}
+
+/// Points of one view, placed in the world by its depth and camera, are at the same depth in the other views that see
+/// them.
+#[test]
+fn views_agree_with_their_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut glb = Glb::default();
+    glb.add(
+        &[[Vec3::ZERO, Vec3::Z, Vec3::X], [Vec3::ZERO, Vec3::Y, Vec3::Z], [Vec3::ZERO, Vec3::X, Vec3::Y]],
+        Vec3::ONE,
+        Vec3::ZERO,
+    );
+    glb.write(&folder.join("corner.glb"));
+    run(folder, "views corner.glb --output views --count 8 --size 64x48 --aov depth,normal -q");
+    let table: Value = serde_json::from_slice(&fs::read(folder.join("views/transforms.json")).unwrap()).unwrap();
+    let number = |name: &str| table[name].as_f64().unwrap() as f32;
+    let (focal, center) = (number("fl_x"), vec2(number("cx"), number("cy")));
+    assert!((2.0 * (32.0 / focal).atan() - number("camera_angle_x")).abs() < 1e-5);
+    let frames = table["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 8);
+    // Read the cameras and channels with other code than the program's.
+    let mut views = Vec::new();
+    for frame in frames {
+        let rows: Vec<Vec<f32>> = serde_json::from_value(frame["transform_matrix"].clone()).unwrap();
+        let world = Mat4::from_cols_array_2d(&std::array::from_fn(|c| std::array::from_fn(|r| rows[r][c])));
+        let path = folder.join("views").join(frame["channels_path"].as_str().unwrap());
+        let layers = render_core::image_file::read_layers(&path).unwrap();
+        assert!(folder.join("views").join(frame["file_path"].as_str().unwrap()).exists());
+        views.push((world, layers));
+    }
+    let channel = |k: usize, name: &str| -> Vec<f32> { views[k].1.channel(name).unwrap().to_vec() };
+    let (mut close, mut normals) = (0, 0);
+    for (k, (world, _)) in views.iter().enumerate() {
+        let depth = channel(k, "depth.Z");
+        let axes = ["normal.X", "normal.Y", "normal.Z"].map(|name| channel(k, name));
+        for (index, &z) in depth.iter().enumerate().filter(|(_, z)| z.is_finite()) {
+            let at = vec2((index % 64) as f32 + 0.5, (index / 64) as f32 + 0.5) - center;
+            let point = world.transform_point3(vec3(at.x / focal * z, -at.y / focal * z, -z));
+            // The three squares are in the planes of the axes, with an axis as normal.
+            let normal = Vec3::from_array(std::array::from_fn(|c| axes[c][index]));
+            let inside = point.max_element() < 1.001 && point.min_element() > -1e-3;
+            if !inside {
+                continue;
+            }
+            close += 1;
+            let off = point.abs().min_element() * focal / z;
+            assert!(off < 0.5, "view {k}: {point} is {off} pixels off its plane");
+            normals += u32::from((normal.abs().max_element() - 1.0).abs() < 1e-3 && point.dot(normal).abs() < 1e-3);
+        }
+    }
+    assert!(close > 2000 && normals > close * 95 / 100, "{normals} normals of {close} points");
 }

@@ -17,6 +17,7 @@ pub mod settings;
 mod shading;
 pub mod stages;
 pub mod still;
+mod transparency;
 
 pub use error::{Error, Result};
 pub use light_file::make_light;

@@ -74,9 +74,40 @@ pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
         _ => codecs::png::PngEncoder::new(&mut bytes).write_image(samples, width, height, ExtendedColorType::Rgb8),
     };
     written.map_err(Error::other)?;
+    write_bytes(path, &bytes)
+}
+
+/// Writes display codes with opacity as `.png`, atomically.
+///
+/// # Errors
+/// If the file cannot be written, or its ending is not `.png`.
+#[cfg(feature = "still")]
+pub fn write_transparent(path: &Path, picture: &Plane<[u8; 4]>) -> Result<()> {
+    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+    if PictureFormat::of(path)? != PictureFormat::Shown(ShownFormat::Png) {
+        return Err(Error::Options(format!("{}: only .png has a transparent background", path.display())));
+    }
+    let (width, height, samples) = (picture.width() as u32, picture.height() as u32, picture.samples().as_flattened());
+    let mut bytes = Vec::new();
+    let encoder = PngEncoder::new(&mut bytes);
+    encoder.write_image(samples, width, height, ExtendedColorType::Rgba8).map_err(Error::other)?;
+    write_bytes(path, &bytes)
+}
+
+#[cfg(feature = "still")]
+fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut file = Output::create(path)?;
-    file.write(&bytes)?;
+    file.write(bytes)?;
     Ok(file.finish()?)
+}
+
+/// Returns an error, because this build lacks the feature `still`.
+///
+/// # Errors
+/// Always returns an error.
+#[cfg(not(feature = "still"))]
+pub fn write_transparent(path: &Path, _: &Plane<[u8; 4]>) -> Result<()> {
+    Err(Error::content(path, ": this build writes no pictures; build it with the feature still"))
 }
 
 /// Returns an error, because this build lacks the feature `still`.

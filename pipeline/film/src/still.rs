@@ -1,12 +1,13 @@
 //! Single frames of a scene, as tone-mapped codes and as linear light.
 
 use crate::error::Result;
-use crate::picture_file::{PictureFormat, shown, write_shown};
+use crate::picture_file::{PictureFormat, shown, write_shown, write_transparent};
 use crate::settings::{ExrDepth, Settings};
 use crate::stages::linear::write_linear;
+use crate::transparency::{coverage, transparent};
 use perceptual::luminance_plane;
 use pipeline::exposure::exposure_for;
-use pipeline::stage::{LastThresholds, Shade};
+use pipeline::stage::{Channels, LastThresholds, Shade};
 use plane::Plane;
 use render_core::image_file::FrameHeader;
 use render_core::scene::Scene;
@@ -22,6 +23,10 @@ pub struct Still {
     pub radiance: Plane<[f32; 3]>,
     /// Tone-mapped picture: red, green and blue of sRGB as 8-bit codes.
     pub shown: Plane<[u8; 3]>,
+    /// Tone-mapped picture without its background, with opacity, if requested.
+    pub transparent: Option<Plane<[u8; 4]>>,
+    /// Further channels, as the settings request.
+    pub channels: Channels,
     /// Attributes in the header of an OpenEXR file.
     pub header: FrameHeader,
 }
@@ -30,7 +35,28 @@ impl Still {
     /// Renders frame `frame` of `scene`, counted from 0. Like the first frame of a film, the picture has no thresholds.
     #[must_use]
     pub fn render(scene: &Scene, settings: &Settings, frame: u32) -> Self {
-        // Render the frame alone; thresholds would need the coded previous frame.
+        let mut stills = Vec::new();
+        let keep = |_, still| {
+            stills.push(still);
+            Ok(())
+        };
+        Self::render_each(scene, settings, &[frame], false, keep).expect("keeping a picture never fails");
+        stills.pop().expect("one frame gives one picture")
+    }
+
+    /// Renders frames of `scene` one by one, and passes each with its number to `take`. The frames share the scene's
+    /// light. `is_transparent` is whether to separate pictures from the scene's background.
+    ///
+    /// # Errors
+    /// If `take` fails.
+    pub fn render_each(
+        scene: &Scene,
+        settings: &Settings,
+        frames: &[u32],
+        is_transparent: bool,
+        mut take: impl FnMut(u32, Self) -> Result<()>,
+    ) -> Result<()> {
+        // Render the frames alone; thresholds would need the coded previous frame.
         let renderer = settings.render.clone();
         let plan = Plan::new(scene, &renderer);
         let mut preparation = Preparation::new(scene, &renderer, &plan);
@@ -38,32 +64,40 @@ impl Still {
         // Derive automatic exposure from the film's lit frames, or else from the film's first frame.
         let is_auto = settings.render.auto_exposure;
         let of_lit_frames = is_auto.then(|| exposure_of_lit_frames(scene, &renderer)).flatten();
-        let of_another_frame = of_lit_frames.or_else(|| {
-            let is_later = is_auto && frame > 0;
-            is_later.then(|| exposure_of_first_frame(&mut preparation, |settings, plan| Shading::new(settings, plan)))
-        });
-        let prepared = preparation.frame(frame);
-        let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
-
-        let exposure = match of_another_frame {
-            Some(exposure) => exposure,
-            None if is_auto => exposure_for(&luminance_plane(&shaded.radiance)),
-            None => settings.render.tone_map.exposure,
-        };
-        let tone_map = settings.render.tone_map.with_exposure(exposure);
-        let shown = shown(&shaded.blended(&tone_map), &tone_map);
-        Self { radiance: shaded.radiance, shown, header: shaded.header }
+        let is_later = is_auto && of_lit_frames.is_none() && frames.iter().any(|&frame| frame > 0);
+        let of_first_frame =
+            is_later.then(|| exposure_of_first_frame(&mut preparation, |settings, plan| Shading::new(settings, plan)));
+        for &frame in frames {
+            let prepared = preparation.frame(frame);
+            let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
+            let exposure = match of_lit_frames.or(of_first_frame.filter(|_| frame > 0)) {
+                Some(exposure) => exposure,
+                None if is_auto => exposure_for(&luminance_plane(&shaded.radiance)),
+                None => settings.render.tone_map.exposure,
+            };
+            let tone_map = settings.render.tone_map.with_exposure(exposure);
+            let shown = shown(&shaded.blended(&tone_map), &tone_map);
+            let covered = is_transparent.then(|| coverage(&prepared.frame));
+            let background = scene.background.unwrap_or_default().to_array().map(|linear| tone_map.encode(linear));
+            let transparent = covered.map(|covered| transparent(&shown, &covered, background));
+            let (radiance, channels, header) = (shaded.radiance, shaded.channels, shaded.header);
+            take(frame, Self { radiance, shown, transparent, channels, header })?;
+        }
+        Ok(())
     }
 
     /// Writes the picture tone mapped for display (`.png`, `.jpg`), or as linear light (`.exr`) in 16-bit floats where
-    /// these suffice.
+    /// these suffice, with the further channels.
     ///
     /// # Errors
-    /// If the ending is unknown or the file cannot be written.
+    /// If the ending is unknown or the file cannot be written, or if a JPEG file would have to be transparent.
     pub fn write(&self, path: &Path) -> Result<()> {
-        match PictureFormat::of(path)? {
-            PictureFormat::Linear => Ok(write_linear(path, &self.header, &self.radiance, Vec::new(), ExrDepth::Half)?),
-            PictureFormat::Shown(_) => write_shown(path, &self.shown),
+        match (PictureFormat::of(path)?, &self.transparent) {
+            (PictureFormat::Linear, _) => {
+                Ok(write_linear(path, &self.header, &self.radiance, self.channels.clone(), ExrDepth::Half)?)
+            }
+            (PictureFormat::Shown(_), None) => write_shown(path, &self.shown),
+            (PictureFormat::Shown(_), Some(picture)) => write_transparent(path, picture),
         }
     }
 }

@@ -9,6 +9,7 @@ use super::commands::reference::Reference;
 use super::commands::render::RenderArguments;
 use super::commands::still::StillArguments;
 use super::commands::sweep::Sweep;
+use super::commands::views::ViewsArguments;
 use super::examples;
 use clap::{Arg, Parser, Subcommand};
 
@@ -27,6 +28,7 @@ use clap::{Arg, Parser, Subcommand};
 Examples:
   render2mpeg render scenes/cornell/cornell.glb             a video and a report in the current folder
   render2mpeg still scene.glb -o picture.png                a single frame
+  render2mpeg turntable scene.glb -o turn.mp4               the scene from all sides
   render2mpeg plan scene.glb                                what a film would run and cost
   render2mpeg bake scene.glb                                precomputed light for many films
   render2mpeg compare film.mpg film.y4m                     coding loss
@@ -49,6 +51,12 @@ pub enum Command {
     /// Render single frames, as PNG or JPEG tone mapped for display, or as OpenEXR
     #[command(after_help = examples::STILL)]
     Still(Box<StillArguments>),
+    /// Render a film in which the camera turns once around the scene
+    #[command(args_override_self = true, after_help = examples::TURNTABLE)]
+    Turntable(Box<RenderArguments>),
+    /// Render pictures from many sides, with their cameras, depths and normals, for 3D reconstruction
+    #[command(after_help = examples::VIEWS)]
+    Views(Box<ViewsArguments>),
     /// Precompute the light of static geometry, for films with render --lighting baked
     #[cfg(feature = "bake")]
     #[command(after_help = examples::BAKE)]
@@ -86,7 +94,7 @@ impl Command {
     /// Returns whether the processes of a run share the work of the command.
     pub fn is_shared(&self) -> bool {
         match self {
-            Self::Render(_) => true,
+            Self::Render(_) | Self::Turntable(_) => true,
             #[cfg(feature = "bake")]
             Self::Bake(_) => true,
             _ => false,

@@ -45,8 +45,23 @@ pub const STILL: &str = "Examples:
   render2mpeg still scene.glb -o picture.png --frame 0,10,20-25       picture_00.png, picture_10.png ...
   render2mpeg still scene.glb --preset draft --camera 1         fast, from another camera
   render2mpeg still scene.glb -o light.exr                      linear light, for other programs
+  render2mpeg still scene.glb --orbit 30,70 --background transparent    a model for a web page
 
 reference renders the same frame by path tracing: slower, without the approximations of films.";
+
+pub const TURNTABLE: &str = "Examples:
+  render2mpeg turntable scene.glb                               writes scene.mpg: one turn in 6 s, without a seam
+  render2mpeg turntable scene.glb -o turn.mp4 --seconds 4 --orbit 0,60
+  render2mpeg turntable scene.glb --also turn.webm --background white
+
+All options of render apply.";
+
+pub const VIEWS: &str = "Examples:
+  render2mpeg views scene.glb --count 24 --output views         views/000.png ... and views/transforms.json
+  render2mpeg views scene.glb --output views --aov depth,normal   also views/000.exr with these channels
+  render2mpeg views scene.glb --output views --background white   without transparency
+
+transforms.json lists size, focal length and camera-to-world matrix of each picture, as NeRF programs read it.";
 
 pub const REFERENCE: &str = "Examples:
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr

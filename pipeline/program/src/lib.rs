@@ -53,6 +53,9 @@ use std::process::ExitCode;
 /// Exit code for errors that recur with the same arguments, as in clap. All other errors have exit code 1.
 const WRONG_ARGUMENTS: u8 = 2;
 
+/// Default duration of a turntable's film.
+const TURNTABLE_SECONDS: f32 = 6.0;
+
 /// Runs the program `render2mpeg`: executes the command in the process's arguments, prints errors and returns the exit
 /// code.
 #[must_use]
@@ -103,6 +106,15 @@ fn run(command: Command) -> Result<ExitCode> {
             use_threads(arguments.threads)?;
             let ranks = Ranks::join()?;
             commands::render::run_among(*arguments, &ranks)
+        }
+        Command::Turntable(mut arguments) => {
+            use_threads(arguments.threads)?;
+            arguments.turn_in(TURNTABLE_SECONDS);
+            commands::render::run_among(*arguments, &Ranks::join()?)
+        }
+        Command::Views(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::views::run(*arguments)
         }
         #[cfg(feature = "bake")]
         Command::Bake(arguments) => {

@@ -65,7 +65,10 @@ impl<'a> PathTracer<'a> {
         for _ in 0..MOST_SEGMENTS {
             // A ray that leaves the scene hits the sky.
             let Some((hit, surface)) = self.next_surface(view, &walk, options) else {
-                if let Some(sky) = &self.scene.surfaces.scene().sky {
+                let scene = self.scene.surfaces.scene();
+                if walk.bounces == 0 && scene.background.is_some() {
+                    radiance += walk.throughput * scene.background(walk.direction.into());
+                } else if let Some(sky) = &scene.sky {
                     let towards = walk.direction.into();
                     let weight = walk.drawn.map_or(1.0, |pdf| power_heuristic(pdf, sky.pdf(towards)));
                     radiance += walk.throughput * sky.radiance(towards) * weight;
@@ -73,6 +76,9 @@ impl<'a> PathTracer<'a> {
                 break;
             };
             walk.advance(hit.distance);
+            if walk.bounces == 0 {
+                walk.throughput *= self.scene.surfaces.scene().camera_gain(hit.instance);
+            }
 
             // Add emission. Weight it if a shadow ray could have sampled the same point of a light.
             match walk.drawn {

@@ -92,6 +92,20 @@ impl Channel {
                 })
     }
 
+    /// Removes all keys of morph weights except the first, so that the weights are constant.
+    pub(super) fn keep_first(&mut self) {
+        let Track::Weights(keys) = &mut self.track else { return };
+        let count =
+            keys.len() / (self.times.len() * if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 });
+        // The value of a spline's key follows its in-tangent.
+        if self.interpolation == Interpolation::CubicSpline {
+            keys.drain(..count);
+        }
+        keys.truncate(count);
+        self.times.truncate(1);
+        self.interpolation = Interpolation::Step;
+    }
+
     fn stride(&self) -> usize {
         if self.interpolation == Interpolation::CubicSpline { 3 } else { 1 }
     }

@@ -357,6 +357,12 @@ impl View {
         self.world_from_camera.translation
     }
 
+    /// Returns the transform from camera space to world space, with x to the right, y up and −z along the view.
+    #[must_use]
+    pub fn world_from_camera(&self) -> Affine3A {
+        self.world_from_camera
+    }
+
     /// Builds a view of the whole box from the front and slightly above, for scenes without a camera.
     #[must_use]
     pub fn around(min: Vec3A, max: Vec3A, width: usize, height: usize) -> Self {

@@ -8,6 +8,7 @@ mod deform;
 mod encoding;
 mod far;
 mod files;
+mod framing;
 mod gltf_file;
 mod light;
 mod lobes;
@@ -18,9 +19,12 @@ mod setting;
 mod settings;
 mod settings_error;
 mod sky;
+mod studio;
+mod studio_settings;
 mod texture;
 mod texture_slot;
 mod typed_setting;
+mod viewpoint;
 
 pub use crate::environment::Gradient;
 pub use animation::{Channel, Interpolation, Track};
@@ -43,8 +47,11 @@ pub use setting::Setting;
 pub use settings::{Gaze, LightSettings, SceneSettings, parse_frame_rate};
 pub use settings_error::SettingsError;
 pub use sky::SkySettings;
+pub use studio::{Ground, STUDIO_GROUND};
+pub use studio_settings::{StudioKind, StudioSettings};
 pub use texture::{Filtered, Texture, Wrap};
 pub use texture_slot::{TextureSlot, UV_SETS};
+pub use viewpoint::{CameraChoice, Orbit, OrbitDistance};
 
 use crate::environment::Environment;
 use crate::steps;
@@ -133,6 +140,10 @@ pub struct Scene {
     pub curtains: Vec<usize>,
     /// Environment light, if the scene has any.
     pub sky: Option<Environment>,
+    /// Radiance that camera rays show in place of the sky \[W·m⁻²·sr⁻¹\]. Other rays hit the sky.
+    pub background: Option<Vec3>,
+    /// Ground of a studio.
+    pub ground: Option<Ground>,
     /// Settings from the TOML file next to the scene.
     pub settings: SceneSettings,
     /// Warnings for the user, one line each, about content that was read but is not rendered.
@@ -363,6 +374,20 @@ impl Scene {
                 View::around(min, max, width, height)
             }
         }
+    }
+
+    /// Returns the radiance of a camera ray in the unit `direction` that hits no surface \[W·m⁻²·sr⁻¹\].
+    #[must_use]
+    pub fn background(&self, direction: Vec3) -> Vec3 {
+        let sky = || self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.radiance(direction));
+        self.background.unwrap_or_else(sky)
+    }
+
+    /// Returns the factor on the light that a camera receives from an instance.
+    #[must_use]
+    pub fn camera_gain(&self, instance: u32) -> Vec3 {
+        let ground = self.ground.filter(|ground| ground.instance == instance);
+        ground.map_or(Vec3::ONE, |ground| ground.gain)
     }
 
     /// Returns the number of triangles of all instances.

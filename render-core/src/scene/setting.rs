@@ -31,6 +31,11 @@ impl Setting {
         self.value.to_string()
     }
 
+    /// Returns whether the setting gives this text to a key.
+    pub(super) fn is_text(&self, table: &str, key: &str, value: &str) -> bool {
+        self.table == table && self.key == key && self.value.as_str() == Some(value)
+    }
+
     /// Overwrites the value in the tables of a settings file.
     pub(super) fn put_into(&self, tables: &mut Table) {
         let table = tables.entry(&self.table).or_insert_with(|| Value::Table(Table::new()));

@@ -3,6 +3,8 @@
 use super::setting::Setting;
 use super::settings_error::SettingsError;
 use super::sky::SkySettings;
+use super::studio_settings::StudioSettings;
+use super::viewpoint::CameraChoice;
 use serde::de::{self, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::fmt;
@@ -16,6 +18,9 @@ pub struct SceneSettings {
     pub tone_mapping: Option<toml::Table>,
     /// Environment light of the scene.
     pub sky: Option<SkySettings>,
+    /// Light and ground for scenes without lamps.
+    #[serde(default)]
+    pub studio: StudioSettings,
     /// Properties of directional lights that glTF lacks.
     #[serde(default)]
     pub sun: Sun,
@@ -55,15 +60,6 @@ impl Default for Sun {
     fn default() -> Self {
         Self { angular_diameter: 0.53 }
     }
-}
-
-/// Selection of the filming camera.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CameraChoice {
-    /// Name of a camera or its node, or the camera's index, counted from 0. The default is the first moving camera,
-    /// otherwise the first camera.
-    pub name: Option<String>,
 }
 
 /// Selection of the animation to play.
@@ -184,6 +180,8 @@ impl SceneSettings {
             let problem = format!("angular_diameter {} must lie in 0..=90 degrees", self.sun.angular_diameter);
             return Err(SettingsError::value("sun", problem));
         }
+        self.camera.check_values()?;
+        self.studio.check_values()?;
         // Check lights and strokes.
         let LightSettings { lamps, lamp_radius } = self.light;
         if lamps.is_some_and(|factor| !(0.0..=1e9).contains(&factor)) {

@@ -6,11 +6,12 @@ use toml::{Table, Value};
 
 /// Tables of a settings file, and the keys of each table. A key that occurs in one table only may be given without the
 /// table.
-const TABLES: [(&str, &[&str]); 10] = [
+const TABLES: [(&str, &[&str]); 11] = [
     ("tone_mapping", &["operator", "exposure", "gamma", "white", "display"]),
     ("sky", &["zenith", "horizon", "ground", "image", "intensity", "rotation"]),
+    ("studio", &["kind", "background"]),
     ("sun", &["angular_diameter"]),
-    ("camera", &["name"]),
+    ("camera", &["name", "orbit", "target", "fov", "up", "turn"]),
     ("animation", &["name"]),
     ("variant", &["name"]),
     ("light", &["lamps", "lamp_radius"]),

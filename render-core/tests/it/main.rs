@@ -16,3 +16,4 @@ mod motion;
 mod outline;
 mod path;
 mod sheets;
+mod studio;

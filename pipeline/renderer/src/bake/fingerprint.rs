@@ -42,6 +42,8 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         material_channels,
         curtains,
         sky,
+        background: _,
+        ground: _,
         settings,
         warnings: _,
         origin: _,
@@ -49,6 +51,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
     let SceneSettings {
         tone_mapping: _,
         sky: _,
+        studio: _,
         sun,
         camera: _,
         animation: _,

@@ -18,6 +18,8 @@ const SHARED_SEARCHES: usize = 512;
 const SEARCHES_AT_ONCE: usize = 32;
 /// Number of directions for sky light. They are 5° apart, less than the width of shadows from a sky.
 const DOME_LIGHTS: usize = 1024;
+/// Number of points on the dome of a studio, whose lamps are wide.
+const STUDIO_DOME_LIGHTS: usize = 256;
 /// Total number of points that represent area lights in the light tree.
 const EMITTER_POINTS: f32 = 2048.0;
 /// Minimum and maximum number of points that represent one surface in the light tree.
@@ -166,7 +168,8 @@ impl PrepareState<'_> {
             }));
         }
         // Represent the sky by points on a dome far outside the scene.
-        lights.extend(dome_lights(self.scene, &self.light.units, DOME_LIGHTS).into_iter().map(|light| Light {
+        let dome = if self.scene.ground.is_some() { STUDIO_DOME_LIGHTS } else { DOME_LIGHTS };
+        lights.extend(dome_lights(self.scene, &self.light.units, dome).into_iter().map(|light| Light {
             position: light.position.into(),
             emission: Emission::Omni,
             intensity: light.intensity,

@@ -42,8 +42,10 @@ use lenient::PointerChannel;
 use pointers::Target;
 
 use super::files::{Reach, SceneFiles};
+use super::framing::SceneExtent;
 use super::light::STRONGEST;
 use super::sky::SkySource;
+use super::studio_settings::StudioKind;
 use super::{Gradient, Material, Scene, SceneSettings, Setting};
 use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
@@ -139,7 +141,7 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
 
     // Place the scene and apply its settings.
     scene.move_to_origin();
-    scene.sky = load_sky(path, &settings, &files)?;
+    scene.sky = load_sky(path, &settings, &files, set)?;
     scene.origin = files.into_origin();
     let settings_have_sky = settings.sky.is_some();
     scene.settings = settings;
@@ -148,15 +150,28 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
         scene.warnings.push("the scene has no surface: only the sky is visible".into());
     }
 
-    // Add a default light if the scene has no light. A sky in the settings is the author's choice, even a black one.
+    // Add a camera if the scene has none, and a studio if it has no light. A sky in the settings is the author's choice,
+    // even a black one.
+    let extent = SceneExtent::of(&scene);
+    scene.add_camera(&extent);
     let materials = scene.extreme_materials();
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
         || scene.instances.iter().any(|i| materials[scene.meshes[i.mesh].material].is_lamp());
-    if !lit {
-        scene.sky = Environment::gradient(Gradient::PLAIN);
-        scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
+    match scene.settings.studio.kind.or((!lit).then_some(StudioKind::Soft)) {
+        Some(StudioKind::Off) if !lit => {
+            scene.sky = Environment::gradient(Gradient::PLAIN);
+            scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
+        }
+        Some(StudioKind::Off) | None => {}
+        Some(kind) => {
+            scene.add_studio(kind, &extent);
+            if !lit {
+                scene.warnings.push("the scene has no lamp: a studio lights it (--studio)".into());
+            }
+        }
     }
+    scene.background = scene.background.or(scene.settings.studio.background.map(Vec3::from));
     // Check visibility last, because the notes depend on the complete scene.
     let notes = [scene.backdrop_note(), scene.clipped_note()];
     scene.warnings.extend(notes.into_iter().flatten());
@@ -164,7 +179,12 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
 }
 
 /// Returns the environment of the `[sky]` table.
-fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Result<Option<Environment>, LoadError> {
+fn load_sky(
+    scene: &Path,
+    settings: &SceneSettings,
+    files: &SceneFiles,
+    set: &[Setting],
+) -> Result<Option<Environment>, LoadError> {
     // Check the settings of the sky, and return gradients directly.
     let toml = SceneSettings::path_for(scene);
     let Some(sky) = &settings.sky else { return Ok(None) };
@@ -174,8 +194,9 @@ fn load_sky(scene: &Path, settings: &SceneSettings, files: &SceneFiles) -> Resul
         SkySource::Image { file, intensity, rotation } => (file, intensity, rotation),
     };
     let refused = |why: String| malformed(&toml, format!("[sky] image \"{file}\": {why}"));
-    // Add the image to the checksum, then decode it.
-    let image = files.resolved(Path::new(&file)).map_err(refused)?;
+    // Add the image to the checksum, then decode it. An absolute path in `set` is the user's own choice of a file.
+    let is_chosen = Path::new(&file).is_absolute() && set.iter().any(|setting| setting.is_text("sky", "image", &file));
+    let image = if is_chosen { PathBuf::from(&file) } else { files.resolved(Path::new(&file)).map_err(refused)? };
     let _ = files.read(&image).map_err(|error| refused(format!("{}: {error}", image.display())))?;
     let texels = guarded(|| crate::image_file::read_radiance(&image).map_err(|error| error.to_string()))
         .unwrap_or_else(|| Err(format!("{}: damaged image", image.display())))

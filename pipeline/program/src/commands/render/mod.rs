@@ -167,6 +167,11 @@ fn run(mut arguments: RenderArguments, answer: &mut Answer) -> Result<ExitCode> 
 }
 
 impl RenderArguments {
+    /// Turns the camera around the scene in `seconds` unless another time is given.
+    pub fn turn_in(&mut self, seconds: f32) {
+        self.source.reading.turn_in(seconds);
+    }
+
     /// Reports an option that needs a feature missing in this build.
     fn check_features(&self) -> Result<()> {
         features::need("html", self.html.is_some())?;

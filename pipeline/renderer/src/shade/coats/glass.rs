@@ -7,7 +7,7 @@
 //! a small fraction of the pixel's light are not followed. Volumes may be nested ([`Media`](render_core::Media)).
 
 use super::coated::{Coated, Points};
-use super::reflections::{Passed, ReflectedRay, Reflections};
+use super::reflections::{FAINT_SHARE, Passed, ReflectedRay, Reflections};
 use glam::{Vec3, Vec3A};
 use render_core::{Hit, ShadingPoint, Surface, luminance};
 
@@ -15,9 +15,6 @@ use render_core::{Hit, ShadingPoint, Surface, luminance};
 const MOST_SURFACES: u32 = 10;
 /// Minimum fraction of the pixel's light of a ray that is followed.
 const LEAST_SHARE: f32 = 0.01;
-/// Fraction of the pixel's light below which surfels suffice for the light of surfaces. Reflections at normal incidence
-/// have 0.04.
-const FAINT_SHARE: f32 = 0.15;
 /// Number of refracted rays of a pixel of rough glass.
 const ROUGH_RAYS: u32 = 8;
 

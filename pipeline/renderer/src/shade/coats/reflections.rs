@@ -60,6 +60,9 @@ portable!(Brought { rays, nearness, weights, light, excess, squares });
 
 /// Number of rays that determine the light of a pixel, with the rays of nearby pixels.
 const SHARED_RAYS: f32 = 16.0;
+/// Fraction of the pixel's light below which surfels suffice for the light of surfaces. Reflections at normal incidence
+/// have 0.04.
+pub(super) const FAINT_SHARE: f32 = 0.15;
 
 impl Brought {
     /// Returns `rays` rays of weight 1 with the mean light of a lobe.
@@ -256,6 +259,8 @@ impl Reflections<'_> {
         // Follow the ray through coats until the contribution is small.
         let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
         let scene = surfaces.scene();
+        // The light of a studio is smooth, so surfels suffice for faint reflections.
+        let in_studio = scene.ground.is_some();
         let (mut origin, mut direction, mut throughput) = (origin, ray.direction, Vec3::ONE);
         let mut sum = Vec3::ZERO;
         // Store the roughness of the last coat that the ray has left.
@@ -306,7 +311,7 @@ impl Reflections<'_> {
             sum += throughput
                 * if let Some(irradiance) = self.known.and_then(|known| known(&hit, &surface)) {
                     albedo / PI * irradiance
-                } else if blurred || ray.is_faint {
+                } else if blurred || ray.is_faint || in_studio && share < FAINT_SHARE {
                     gather.surfel_radiance(PosedScene::new(accelerator, surfaces), &surface, hit.instance)
                         * (luminance(albedo) / luminance(diffuse + coat).max(f32::MIN_POSITIVE))
                 } else {

@@ -1,0 +1,95 @@
+//! Pictures without their background, for composition over any other.
+//!
+//! ```text
+//! D = α C + (1 − α) B        D  displayed color        B  displayed background        C  color of the result
+//! ```
+//! The opacity α is the larger of two numbers: the fraction of the pixel that the scene covers, and the least opacity
+//! with which any color C gives D. The second makes shadows on the ground of a studio dark and transparent. Over the
+//! original background, the result looks exactly like the original picture.
+
+use plane::Plane;
+use render_core::PosedScene;
+use renderer::Frame;
+
+/// Number of rays per pixel that measure the covered fraction.
+const RAYS: usize = 16;
+/// Maximum difference from the background that counts as noise \[codes\].
+const NOISE: f32 = 1.5;
+
+/// Returns the fraction of each pixel that surfaces cover, without the ground of a studio.
+pub(crate) fn coverage(frame: &Frame) -> Plane<f32> {
+    let scene = frame.surfaces.scene();
+    let posed = PosedScene::new(&frame.accelerator, &frame.surfaces);
+    let shares = frame.seen.instance_shares(posed, RAYS).value;
+    let is_behind = |instance: u32| {
+        instance == render_core::NOTHING || scene.ground.is_some_and(|ground| ground.instance == instance)
+    };
+    let mut covered = Vec::new();
+    for shares in shares.pixels() {
+        covered.push(shares.iter().filter(|share| !is_behind(share.instance)).map(|share| share.share).sum());
+    }
+    Plane::from_vec(frame.seen.pixels.width(), frame.seen.pixels.height(), covered)
+}
+
+/// Returns a picture without `background` (displayed color, 0…1), given the covered fraction of each pixel.
+pub(crate) fn transparent(shown: &Plane<[u8; 3]>, covered: &Plane<f32>, background: [f32; 3]) -> Plane<[u8; 4]> {
+    Plane::from_fn(shown.width(), shown.height(), |x, y| {
+        without(shown.get(x, y), covered.get(x, y).clamp(0.0, 1.0), background)
+    })
+}
+
+/// Returns color and opacity of a pixel without its background.
+fn without(shown: [u8; 3], covered: f32, background: [f32; 3]) -> [u8; 4] {
+    // Find the least opacity for which C is in 0…1.
+    let mut least: f32 = 0.0;
+    for (code, back) in shown.into_iter().zip(background) {
+        let apart = f32::from(code) / 255.0 - back;
+        let room = if apart > 0.0 { 1.0 - back } else { back };
+        if apart.abs() * 255.0 > NOISE {
+            least = least.max(apart.abs() / room.max(1e-6));
+        }
+    }
+    // Round the opacity first, so that the color fits the rounded opacity.
+    let opacity = (covered.max(least).min(1.0) * 255.0).round() / 255.0;
+    if opacity == 0.0 {
+        return [0; 4];
+    }
+    let mut result = [0, 0, 0, (opacity * 255.0) as u8];
+    for (c, (code, back)) in shown.into_iter().zip(background).enumerate() {
+        let color = (f32::from(code) / 255.0 - (1.0 - opacity) * back) / opacity;
+        result[c] = (color * 255.0).round().clamp(0.0, 255.0) as u8;
+    }
+    result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Over its own background, each pixel looks as before, up to rounding.
+    #[test]
+    fn pictures_over_their_background_look_as_before() {
+        let background = [0.7, 0.72, 0.75];
+        for shown in [[0, 0, 0], [255, 255, 255], [178, 184, 191], [90, 200, 30], [150, 160, 170], [250, 10, 250]] {
+            for covered in [0.0, 0.1, 0.5, 1.0] {
+                let [r, g, b, a] = without(shown, covered, background).map(f32::from);
+                let opacity = a / 255.0;
+                assert!(opacity >= covered - 1.0 / 255.0, "{opacity} of {covered}");
+                // The background itself disappears.
+                for ((code, color), back) in shown.into_iter().zip([r, g, b]).zip(background) {
+                    let over = opacity * color + (1.0 - opacity) * back * 255.0;
+                    assert!((over - f32::from(code)).abs() <= 2.0, "{shown:?} {covered}: {over} for {code}");
+                }
+            }
+        }
+        assert_eq!(without([179, 184, 191], 0.0, background), [0; 4]);
+    }
+
+    /// A pixel half covered by a white object over a gray background contains the object's color.
+    #[test]
+    fn borders_have_the_color_of_the_object() {
+        assert_eq!(without([191, 191, 191], 0.5, [0.5; 3]), [254, 254, 254, 128]);
+        // A shadow is black.
+        assert_eq!(without([64, 64, 64], 0.0, [128.0 / 255.0; 3]), [0, 0, 0, 128]);
+    }
+}
