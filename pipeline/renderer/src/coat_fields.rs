@@ -4,7 +4,7 @@
 //! in direction. Callers blend the samples of several texels.
 
 use glam::Vec3;
-use lightfield::{DirectionCells, FieldError, LookUp, NearLossless, OctahedralMap, TILE_SIDE, TILE_SLOTS};
+use lightfield::{DirectionCells, FieldError, LookUp, NearLossless, OctahedralMap, Slot, TILE_SIDE, TILE_SLOTS};
 use pipeline::state::{decode, encode};
 use render_core::Atlas;
 use serde::{Deserialize, Serialize};
@@ -82,7 +82,7 @@ impl CoatField {
         let DirectionCells { cells, weights } = self.map.bilinear(mirrored);
         let mut sum = Vec3::ZERO;
         for (cell, weight) in cells.into_iter().zip(weights) {
-            let codes = self.light.codes(slot, cell)?;
+            let codes = self.light.codes(Slot(slot), cell)?;
             sum += weight * Vec3::from(codes.map(|code| self.light_of[code as usize]));
         }
         Some(sum)
@@ -95,7 +95,7 @@ impl CoatFields {
         let columns = atlas.size().0 / TILE_SIDE as u32;
         let mut places = vec![None; atlas.len()];
         for (number, field) in fields.iter().enumerate() {
-            for slot in field.light.tiles().slots() {
+            for Slot(slot) in field.light.tiles().slots() {
                 // Convert the slot within its tile to the position of the texel in the atlas.
                 let (tile, within) = (field.tiles[slot / TILE_SLOTS], (slot % TILE_SLOTS) as u32);
                 let x = (tile % columns.max(1)) * TILE_SIDE as u32 + within % TILE_SIDE as u32;

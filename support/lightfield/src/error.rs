@@ -1,6 +1,6 @@
 //! Errors of light fields. Each message is one line with the location and a remedy.
 
-use crate::tiles::{TILE_SIDE, TILE_SLOTS};
+use crate::tiles::{Slot, TILE_SIDE, TILE_SLOTS};
 
 /// Maximum number of directions per texel. A tile with this number takes 6 MiB.
 pub(crate) const MOST_DIRECTIONS: usize = 4096;
@@ -29,10 +29,10 @@ pub enum FieldError {
     },
     /// A sample is negative, infinite or NaN.
     #[error("light of tile {}, texel ({}, {}), direction {direction} is {value}: expected a finite number of at least 0",
-        slot / TILE_SLOTS, slot % TILE_SIDE, slot % TILE_SLOTS / TILE_SIDE)]
+        slot.0 / TILE_SLOTS, slot.0 % TILE_SIDE, slot.0 % TILE_SLOTS / TILE_SIDE)]
     Light {
         /// Slot of the texel: 256 × tile + 16 y + x.
-        slot: usize,
+        slot: Slot,
         /// Index of the direction.
         direction: usize,
         /// Value of the sample.

@@ -3,7 +3,7 @@
 use crate::error::{FieldError, MOST_DIRECTIONS, MOST_TILES};
 use crate::look_up::LookUp;
 use crate::scale::LogScale;
-use crate::tiles::TexelTiles;
+use crate::tiles::{Rank, Slot, TexelTiles};
 
 /// Samples of a field, ordered by the texel's rank, then direction, then channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,6 +85,7 @@ impl Field {
     }
 
     /// Creates a field of light on a logarithmic scale. `light` is ordered by the texel's rank, then direction.
+    /// [`TexelTiles::slots`] lists the slots of all texels in this order.
     ///
     /// # Errors
     ///
@@ -107,7 +108,7 @@ impl Field {
         for (place, rgb) in light.iter().enumerate() {
             for &value in rgb {
                 // Search the slot only for an error, because the search visits a whole tile.
-                let (slot, direction) = (|| tiles.slot(place / directions), place % directions);
+                let (slot, direction) = (|| tiles.slot(Rank(place / directions)), place % directions);
                 codes.push(scale.code(value).ok_or_else(|| FieldError::Light { slot: slot(), direction, value })?);
             }
         }
@@ -135,9 +136,13 @@ impl Field {
 
 impl LookUp for Field {
     #[inline]
-    fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]> {
-        let rank = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
+    fn codes(&self, slot: Slot, direction: usize) -> Option<[f32; 3]> {
+        let Rank(rank) = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
         Some(self.samples.three((rank * self.directions + direction) * 3))
+    }
+
+    fn scale(&self) -> Option<LogScale> {
+        self.samples.scale()
     }
 }
 
@@ -168,8 +173,11 @@ mod tests {
     fn codes_are_found_by_slot() {
         let tiles = TexelTiles::new(vec![[0; 4], [0b1010, 0, 0, 1 << 63]]);
         let field = Field::new(tiles, 2, Samples::Bytes((0..18).collect())).unwrap();
-        assert_eq!(field.codes(256 + 3, 1), Some([9.0, 10.0, 11.0]));
-        assert_eq!(field.codes(256 + 255, 0), Some([12.0, 13.0, 14.0]));
-        assert_eq!([field.codes(3, 1), field.codes(256 + 3, 2), field.codes(1000, 0)], [None; 3]);
+        assert_eq!(field.codes(Slot(256 + 3), 1), Some([9.0, 10.0, 11.0]));
+        assert_eq!(field.codes(Slot(256 + 255), 0), Some([12.0, 13.0, 14.0]));
+        assert_eq!(
+            [(3, 1), (256 + 3, 2), (1000, 0)].map(|(slot, direction)| field.codes(Slot(slot), direction)),
+            [None; 3]
+        );
     }
 }

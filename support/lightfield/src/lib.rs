@@ -6,11 +6,11 @@
 //! light of a texel in a form of fixed size for GPUs.
 //!
 //! ```
-//! use lightfield::{Field, LookUp, NearLossless, Samples, TexelTiles};
+//! use lightfield::{Field, LookUp, NearLossless, Samples, Slot, TexelTiles};
 //! let tiles = TexelTiles::of_picture(20, 10);
 //! let field = Field::new(tiles, 2, Samples::Bytes((0..20 * 10 * 2 * 3).map(|k| (k / 6) as u8).collect()))?;
 //! let stored = NearLossless::encode(&field, 2)?;
-//! let (exact, found) = (field.codes(17, 1).unwrap(), stored.codes(17, 1).unwrap());
+//! let (exact, found) = (field.codes(Slot(17), 1).unwrap(), stored.codes(Slot(17), 1).unwrap());
 //! assert!((0..3).all(|c| (exact[c] - found[c]).abs() <= 2.0));
 //! # Ok::<(), lightfield::FieldError>(())
 //! ```
@@ -36,7 +36,7 @@ pub use crate::near_lossless::NearLossless;
 pub use crate::octahedral::{DirectionCells, OctahedralMap, map_side};
 pub use crate::packed::{from_shared_exponent, shared_exponent};
 pub use crate::scale::LogScale;
-pub use crate::tiles::{TILE_SIDE, TILE_SLOTS, TexelTiles};
+pub use crate::tiles::{Rank, Slot, TILE_SIDE, TILE_SLOTS, TexelTiles};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -10,7 +10,7 @@ use crate::look_up::LookUp;
 use crate::near_lossless::file::Head;
 use crate::near_lossless::residuals::Code;
 use crate::scale::LogScale;
-use crate::tiles::{TILE_SLOTS, TexelTiles, count, rank_in};
+use crate::tiles::{Slot, TILE_SLOTS, TexelTiles, count, rank_in};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
@@ -84,12 +84,6 @@ impl NearLossless {
         self.head.directions
     }
 
-    /// Scale of logarithmic codes, or `None` for 8-bit codes.
-    #[must_use]
-    pub fn scale(&self) -> Option<LogScale> {
-        self.head.scale
-    }
-
     /// Largest allowed error δ \[codes\].
     #[must_use]
     pub fn delta(&self) -> u16 {
@@ -128,13 +122,17 @@ impl NearLossless {
 
 impl LookUp for NearLossless {
     #[inline]
-    fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]> {
+    fn codes(&self, Slot(slot): Slot, direction: usize) -> Option<[f32; 3]> {
         let Head { directions, ref tiles, .. } = self.head;
         let tile = slot / TILE_SLOTS;
         let rank = rank_in(tiles.masks().get(tile)?, slot % TILE_SLOTS).filter(|_| direction < directions)?;
         // Decode the tile on first access.
         let samples = self.decoded[tile].get_or_init(|| self.decode(tile));
         Some(samples.three((rank * directions + direction) * 3))
+    }
+
+    fn scale(&self) -> Option<LogScale> {
+        self.head.scale
     }
 }
 

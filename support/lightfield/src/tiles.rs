@@ -5,13 +5,42 @@ pub const TILE_SIDE: usize = 16;
 /// Number of texel slots per tile.
 pub const TILE_SLOTS: usize = TILE_SIDE * TILE_SIDE;
 
+/// Place of a texel in its tiles: 256 × tile + 16 y + x. A slot may have no texel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Slot(pub usize);
+
+/// Number of existing texels in the slots before a texel. Samples are in order of rank.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Rank(pub usize);
+
+impl Slot {
+    /// Returns the slot of texel (x, y) of a picture of this `width` ([`TexelTiles::of_picture`]).
+    ///
+    /// ```
+    /// use lightfield::Slot;
+    /// assert_eq!(Slot::in_picture(40, 3, 1), Slot(16 + 3));
+    /// // The second tile, and the first tile of the second row of three tiles.
+    /// assert_eq!([Slot::in_picture(40, 16, 0), Slot::in_picture(40, 0, 16)], [Slot(256), Slot(3 * 256)]);
+    /// ```
+    #[must_use]
+    pub fn in_picture(width: usize, x: usize, y: usize) -> Self {
+        let tile = y / TILE_SIDE * width.div_ceil(TILE_SIDE) + x / TILE_SIDE;
+        Self(tile * TILE_SLOTS + y % TILE_SIDE * TILE_SIDE + x % TILE_SIDE)
+    }
+
+    /// Returns the number of the tile, and the place within the tile.
+    fn parts(self) -> (usize, usize) {
+        (self.0 / TILE_SLOTS, self.0 % TILE_SLOTS)
+    }
+}
+
 /// Bit set of the existing texels of a tile: texel (x, y) is bit x + 16 y, 64 bits per word.
 pub(crate) type Mask = [u64; 4];
 
 /// Texels of an atlas, in tiles of 16×16. Tiles may lack texels.
 ///
-/// The slot of a texel is 256 × tile + 16 y + x. Existing texels are ranked by slot. A [`Field`](crate::Field) stores
-/// samples in order of rank.
+/// Each texel has a [`Slot`]. Existing texels are ranked by slot. A [`Field`](crate::Field) stores samples in order of
+/// [`Rank`], which differs from the order of a picture's rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TexelTiles {
     masks: Vec<Mask>,
@@ -76,15 +105,19 @@ impl TexelTiles {
     /// Returns the rank of the texel in a slot, or `None` if the slot has no texel.
     #[must_use]
     #[inline]
-    pub fn rank(&self, slot: usize) -> Option<usize> {
-        let mask = self.masks.get(slot / TILE_SLOTS)?;
-        let in_tile = rank_in(mask, slot % TILE_SLOTS)?;
-        Some(self.before[slot / TILE_SLOTS] + in_tile)
+    pub fn rank(&self, slot: Slot) -> Option<Rank> {
+        let (tile, place) = slot.parts();
+        let in_tile = rank_in(self.masks.get(tile)?, place)?;
+        Some(Rank(self.before[tile] + in_tile))
     }
 
     /// Iterates over the slots of all texels, by rank.
-    pub fn slots(&self) -> impl Iterator<Item = usize> {
-        (0..self.len() * TILE_SLOTS).filter(|slot| is_set(&self.masks[slot / TILE_SLOTS], slot % TILE_SLOTS))
+    pub fn slots(&self) -> impl Iterator<Item = Slot> {
+        let has_texel = |slot: &Slot| {
+            let (tile, place) = slot.parts();
+            is_set(&self.masks[tile], place)
+        };
+        (0..self.len() * TILE_SLOTS).map(Slot).filter(has_texel)
     }
 
     /// Returns the slot of the texel with the given rank.
@@ -92,7 +125,7 @@ impl TexelTiles {
     /// # Panics
     ///
     /// If `rank` is not less than the number of texels.
-    pub(crate) fn slot(&self, rank: usize) -> usize {
+    pub(crate) fn slot(&self, Rank(rank): Rank) -> Slot {
         assert!(rank < self.texels(), "rank {rank} of {} texels", self.texels());
         // Find the tile by the number of preceding texels, then count its present texels.
         let tile = self.before.partition_point(|&before| before <= rank) - 1;
@@ -100,7 +133,7 @@ impl TexelTiles {
         for bit in 0..TILE_SLOTS {
             if is_set(&self.masks[tile], bit) {
                 if left == 0 {
-                    return tile * TILE_SLOTS + bit;
+                    return Slot(tile * TILE_SLOTS + bit);
                 }
                 left -= 1;
             }
@@ -148,13 +181,16 @@ mod tests {
     fn ranks_count_the_texels_before() {
         let tiles = TexelTiles::of_picture(21, 19);
         assert_eq!((tiles.len(), tiles.texels()), (4, 21 * 19));
-        let slots: Vec<usize> = tiles.slots().collect();
+        let slots: Vec<usize> = tiles.slots().map(|slot| slot.0).collect();
         // These slots were counted by hand: the tiles have 16×16, 5×16, 16×3 and 5×3 texels.
         assert_eq!([slots[255], slots[256], slots[256 + 5], slots[256 + 80]], [255, 256, 256 + 16, 512]);
         for (rank, &slot) in slots.iter().enumerate() {
-            assert_eq!((tiles.rank(slot), tiles.slot(rank)), (Some(rank), slot));
+            assert_eq!((tiles.rank(Slot(slot)), tiles.slot(Rank(rank))), (Some(Rank(rank)), Slot(slot)));
         }
         let absent = (0..5 * TILE_SLOTS).filter(|slot| !slots.contains(slot));
-        assert!(absent.map(|slot| tiles.rank(slot)).all(|rank| rank.is_none()));
+        for (x, y) in [(0, 0), (20, 3), (3, 18), (20, 18)] {
+            assert!(tiles.rank(Slot::in_picture(21, x, y)).is_some());
+        }
+        assert!(absent.map(|slot| tiles.rank(Slot(slot))).all(|rank| rank.is_none()));
     }
 }

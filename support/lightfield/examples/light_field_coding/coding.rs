@@ -3,7 +3,7 @@
 use crate::light::DIRECTIONS;
 use crate::scene::Object;
 use crate::segments::{SegmentRule, Segmented};
-use lightfield::{Field, FieldError, LookUp, NearLossless, Samples};
+use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, Slot};
 use rayon::prelude::*;
 
 /// Names of the codings, in table order.
@@ -42,7 +42,7 @@ impl Errors {
     }
 
     /// Returns the errors of all codes of a texel.
-    fn of_texel(field: &Field, stored: &impl LookUp, slot: usize) -> Self {
+    fn of_texel(field: &Field, stored: &impl LookUp, slot: Slot) -> Self {
         let mut errors = Self::default();
         for direction in 0..DIRECTIONS {
             let (Some(exact), Some(found)) = (field.codes(slot, direction), stored.codes(slot, direction)) else {
@@ -58,7 +58,7 @@ impl Errors {
 
     /// Returns the errors of all codes of a field. The texels' sums are added in order.
     fn of_field(field: &Field, stored: &(impl LookUp + Sync)) -> Self {
-        let slots: Vec<usize> = field.tiles().slots().collect();
+        let slots: Vec<Slot> = field.tiles().slots().collect();
         let texels: Vec<Self> = slots.par_iter().map(|&slot| Self::of_texel(field, stored, slot)).collect();
         texels.into_iter().fold(Self::default(), Self::and)
     }

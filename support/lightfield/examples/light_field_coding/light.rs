@@ -2,7 +2,7 @@
 
 use crate::scene::{Object, Point, Scene, Surface};
 use glam::Vec3;
-use lightfield::{Field, FieldError, Samples, TILE_SIDE, TILE_SLOTS, TexelTiles};
+use lightfield::{Field, FieldError, Samples, Slot, TILE_SIDE, TILE_SLOTS, TexelTiles};
 use rayon::prelude::*;
 
 /// Number of directions per angle: θ from the normal and φ about the normal. Direction (i_θ, i_φ) has the index i_θ +
@@ -125,21 +125,20 @@ fn shade(scene: &Scene, object: &Object, [x, y]: [usize; 2], noisy: bool, codes:
 }
 
 /// Returns the texel (x, y) in a slot, in the picture of an object.
-fn texel(object: &Object, slot: usize) -> [usize; 2] {
+fn texel(object: &Object, Slot(slot): Slot) -> [usize; 2] {
     let (columns, tile, bit) = (object.width.div_ceil(TILE_SIDE), slot / TILE_SLOTS, slot % TILE_SLOTS);
     [tile % columns * TILE_SIDE + bit % TILE_SIDE, tile / columns * TILE_SIDE + bit / TILE_SIDE]
 }
 
 /// Returns the slot of a texel (x, y) of an object.
-pub fn slot(object: &Object, [x, y]: [usize; 2]) -> usize {
-    let tile = y / TILE_SIDE * object.width.div_ceil(TILE_SIDE) + x / TILE_SIDE;
-    tile * TILE_SLOTS + y % TILE_SIDE * TILE_SIDE + x % TILE_SIDE
+pub fn slot(object: &Object, [x, y]: [usize; 2]) -> Slot {
+    Slot::in_picture(object.width, x, y)
 }
 
 /// Computes the light field of an object.
 pub fn field(scene: &Scene, object: &Object, noisy: bool) -> Result<Field, FieldError> {
     let tiles = TexelTiles::of_picture(object.width, object.height);
-    let slots: Vec<usize> = tiles.slots().collect();
+    let slots: Vec<Slot> = tiles.slots().collect();
     let mut codes = vec![0; slots.len() * DIRECTIONS * 3];
     let texels = codes.par_chunks_mut(DIRECTIONS * 3).zip(&slots);
     texels.for_each(|(codes, &slot)| shade(scene, object, texel(object, slot), noisy, codes));

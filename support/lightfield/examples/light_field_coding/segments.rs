@@ -17,7 +17,7 @@
 //! The largest errors that the thesis prints match [`SegmentRule::Checked`]. The thesis's color tables contain all
 //! colors of an object. These color tables contain only the colors of keys.
 
-use lightfield::{Field, LookUp, Samples, TexelTiles};
+use lightfield::{Field, LogScale, LookUp, Rank, Samples, Slot, TexelTiles};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -151,8 +151,8 @@ impl Segmented {
     /// Returns the codes of a texel in a direction. `find` receives the ascending directions of the keys, which start
     /// at 0. It returns the index of the first key that is not before the direction.
     #[inline]
-    fn codes(&self, slot: usize, direction: usize, find: impl Fn(&[u16]) -> usize) -> Option<[f32; 3]> {
-        let rank = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
+    fn codes(&self, slot: Slot, direction: usize, find: impl Fn(&[u16]) -> usize) -> Option<[f32; 3]> {
+        let Rank(rank) = self.tiles.rank(slot).filter(|_| direction < self.directions)?;
         let (start, end) = (self.starts[rank], self.starts[rank + 1]);
         let after = start + find(&self.positions[start..end]);
         let object = &self.objects[self.objects.partition_point(|object| object.first <= rank) - 1];
@@ -176,7 +176,7 @@ pub struct LinearSearch<'a>(&'a Segmented);
 
 impl LookUp for LinearSearch<'_> {
     #[inline]
-    fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]> {
+    fn codes(&self, slot: Slot, direction: usize) -> Option<[f32; 3]> {
         self.0.codes(slot, direction, |positions| {
             let mut place = 0;
             while usize::from(positions[place]) < direction {
@@ -184,6 +184,10 @@ impl LookUp for LinearSearch<'_> {
             }
             place
         })
+    }
+
+    fn scale(&self) -> Option<LogScale> {
+        None
     }
 }
 
@@ -193,10 +197,14 @@ pub struct Bisection<'a>(&'a Segmented);
 
 impl LookUp for Bisection<'_> {
     #[inline]
-    fn codes(&self, slot: usize, direction: usize) -> Option<[f32; 3]> {
+    fn codes(&self, slot: Slot, direction: usize) -> Option<[f32; 3]> {
         self.0.codes(slot, direction, |positions| {
             positions.partition_point(|&position| usize::from(position) < direction)
         })
+    }
+
+    fn scale(&self) -> Option<LogScale> {
+        None
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::light::DIRECTIONS;
 use crate::segments::{SegmentRule, Segmented};
-use lightfield::{Field, FieldError, LookUp, NearLossless};
+use lightfield::{Field, FieldError, LookUp, NearLossless, Slot};
 use std::time::Instant;
 
 /// Number of reads per run.
@@ -12,12 +12,12 @@ const RUNS: usize = 5;
 
 /// Returns random pairs of slot and direction, from Weyl sequences of the golden ratio and its square.
 fn pairs(field: &Field) -> Vec<[u32; 2]> {
-    let slots: Vec<usize> = field.tiles().slots().collect();
+    let slots: Vec<Slot> = field.tiles().slots().collect();
     let pair = |k: usize| {
         let bits = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mixed = (bits ^ bits >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         let slot = slots[(mixed >> 32) as usize % slots.len()];
-        [slot as u32, (mixed as u32 >> 8) % DIRECTIONS as u32]
+        [slot.0 as u32, (mixed as u32 >> 8) % DIRECTIONS as u32]
     };
     (1..=LOOK_UPS).map(pair).collect()
 }
@@ -29,7 +29,7 @@ fn nanoseconds(stored: &impl LookUp, pairs: &[[u32; 2]]) -> [f64; 2] {
         sum = 0.0;
         let start = Instant::now();
         for &[slot, direction] in pairs {
-            let codes = stored.codes(slot as usize, direction as usize).unwrap_or_default();
+            let codes = stored.codes(Slot(slot as usize), direction as usize).unwrap_or_default();
             sum += f64::from(codes[0] + codes[1] + codes[2]);
         }
         fastest = fastest.min(start.elapsed().as_secs_f64());
@@ -49,7 +49,7 @@ pub fn print(field: &Field) -> Result<(), FieldError> {
     let start = Instant::now();
     read.forget_decoded();
     for tile in 0..read.tiles().len() {
-        read.codes(tile * lightfield::TILE_SLOTS, 0);
+        read.codes(Slot(tile * lightfield::TILE_SLOTS), 0);
     }
     let decoded = start.elapsed().as_secs_f64() * 1e6 / read.tiles().len() as f64;
 

@@ -1,6 +1,6 @@
 //! Tests that damaged, truncated and forged bytes give a one-line error.
 
-use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, TexelTiles};
+use lightfield::{Field, FieldError, LookUp, NearLossless, Samples, Slot, TexelTiles};
 
 /// Returns a small file of three tiles.
 fn bytes() -> Vec<u8> {
@@ -69,7 +69,7 @@ fn forged_bytes_are_refused_or_harmless() {
                 refused += 1;
                 continue;
             };
-            for slot in 0..read.tiles().len() * 256 {
+            for slot in (0..read.tiles().len() * 256).map(Slot) {
                 let there = read.tiles().rank(slot).is_some();
                 assert_eq!(read.codes(slot, 0).is_some(), there);
             }

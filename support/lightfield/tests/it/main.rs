@@ -6,7 +6,7 @@ mod segments;
 #[path = "../../examples/light_field_coding/segments.rs"]
 mod thesis;
 
-use lightfield::{Field, LogScale, LookUp, Samples, TexelTiles};
+use lightfield::{Field, LogScale, LookUp, Samples, Slot, TexelTiles};
 use proptest::prelude::*;
 
 /// Largest code differences between two fields, for one channel and for the mean of three.
@@ -21,10 +21,10 @@ pub struct Largest {
 /// Returns the largest differences over all slots and directions. `field` and `stored` must have the same texels.
 pub fn largest(field: &Field, stored: &impl LookUp) -> Largest {
     let mut largest = Largest::default();
-    for slot in 0..field.tiles().len() * 256 + 1 {
+    for slot in (0..field.tiles().len() * 256 + 1).map(Slot) {
         for direction in 0..field.directions() + 1 {
             let (exact, found) = (field.codes(slot, direction), stored.codes(slot, direction));
-            assert_eq!(exact.is_some(), found.is_some(), "slot {slot}, direction {direction}");
+            assert_eq!(exact.is_some(), found.is_some(), "{slot:?}, direction {direction}");
             let (Some(exact), Some(found)) = (exact, found) else { continue };
             let errors = [0, 1, 2].map(|c| (exact[c] - found[c]).abs());
             largest.channel = errors.into_iter().fold(largest.channel, f32::max);

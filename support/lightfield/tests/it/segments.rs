@@ -2,7 +2,7 @@
 
 use crate::thesis::{SegmentRule, Segmented};
 use crate::{fields, largest};
-use lightfield::{Field, LookUp, Samples, TexelTiles};
+use lightfield::{Field, LookUp, Samples, Slot, TexelTiles};
 use proptest::prelude::*;
 
 /// Generates one texel with 8-bit codes of any number of directions. The codes are random walks, so that segments have
@@ -27,7 +27,7 @@ fn walks() -> impl Strategy<Value = Field> {
 
 /// Asserts that both readers return the same codes.
 fn agree(field: &Field, stored: &Segmented) {
-    for slot in 0..field.tiles().len() * 256 {
+    for slot in (0..field.tiles().len() * 256).map(Slot) {
         for direction in 0..field.directions() {
             assert_eq!(stored.linear().codes(slot, direction), stored.bisection().codes(slot, direction));
         }
