@@ -253,6 +253,12 @@ impl Reflections<'_> {
         self.along_from(coated.receiver.position, ray, coated.is_rough(), &Passed::default())
     }
 
+    /// Returns the radiance of the sky without its lamps: `sources` adds the light of lamps and suns.
+    pub fn sky(&self, direction: Vec3A) -> Vec3 {
+        let sky = self.prepared.surfaces.scene().sky.as_ref().and_then(Environment::beside_lamps);
+        sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()))
+    }
+
     /// Returns the radiance that arrives at a coat along a ray from `origin`, as [`along`](Self::along) does. `blurred`
     /// is whether the coat is rough, and `passed` are the transparent surfaces before the ray.
     pub fn along_from(&mut self, origin: Vec3A, ray: ReflectedRay, blurred: bool, passed: &Passed) -> (Vec3, f32) {
@@ -269,10 +275,7 @@ impl Reflections<'_> {
         for coats in 0..=MOST_COATS {
             // Find the next surface on the ray's path, or the sky.
             let Some(hit) = accelerator.closest(origin, direction) else {
-                // Omit lamps of the sky: `sources` adds the light of lamps and suns.
-                let sky = scene.sky.as_ref().and_then(Environment::beside_lamps);
-                let sky = sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()));
-                return (sum + throughput * sky, first);
+                return (sum + throughput * self.sky(direction), first);
             };
             throughput *= passed.media.transmittance(hit.distance);
             way += hit.distance;
