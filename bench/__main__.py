@@ -1,4 +1,4 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf|fidelity [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf|fidelity|models [--quick|--full] [options].
 
 Quick, the default, takes five minutes on two processors and reports the reliability of its figures.
 Full makes the tables of the documentation; for bits, larger films.
@@ -18,6 +18,7 @@ import fidelity
 import gltf
 import importance
 import joints
+import models
 import rates
 import sweep
 from running import Failure
@@ -34,6 +35,7 @@ MEASUREMENTS = {
     "rates": rates,
     "gltf": gltf,
     "fidelity": fidelity,
+    "models": models,
 }
 
 
