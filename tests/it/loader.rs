@@ -2,7 +2,7 @@
 
 use glam::{Vec3, Vec3A, vec2, vec3};
 use pipeline::Run;
-use render_core::scene::{self, Alpha, Reach, Scene};
+use render_core::scene::{self, Alpha, Scene};
 use render2mpeg::{Options, Settings};
 use renderer::plan::Plan;
 use serde_json::{Value, json};
@@ -158,7 +158,7 @@ fn a_sky_is_added_where_nothing_was_made_to_shine() {
     };
     let lit_by_sky = |glb: &Glb, settings: &str| {
         let scene = load(glb, settings).unwrap();
-        assert_eq!(scene.sky.is_some(), scene.warnings.iter().any(|warning| warning.contains("a studio lights it")));
+        assert_eq!(scene.sky.is_some(), scene.warnings.iter().any(|warning| warning.contains("plain white sky")));
         scene.sky.is_some()
     };
     // No emission, weak emission, strong emission, and a sky in the settings.
@@ -215,8 +215,7 @@ fn quantised_meshes_have_the_numbers_they_stand_for() {
 #[test]
 fn a_quantised_cube_morphs_like_its_original() {
     let Some(folder) = shared_scenes() else { return };
-    let no_studio = ["studio.kind = \"off\"".parse().unwrap()];
-    let cube = |name: &str| scene::load_with(&folder.join(name), Reach::Folder, &no_studio).unwrap();
+    let cube = |name: &str| scene::load(&folder.join(name)).unwrap();
     let whole = cube("khronos-animated/AnimatedMorphCube/AnimatedMorphCube.glb");
     let quantised = cube("khronos-odd/AnimatedMorphCubeQuantized/AnimatedMorphCube.gltf");
     let mut sizes = Vec::new();
@@ -280,7 +279,7 @@ fn skins_come_out_of_files() {
     glb.json["nodes"][0]["skin"] = json!(0);
     glb.json["nodes"][0]["translation"] = json!([7.0, 7.0, 7.0]);
     glb.animate(joint, Vec3::ZERO, Vec3::X * 2.0);
-    let scene = load(&glb, "[studio]\nkind = \"off\"").unwrap();
+    let scene = load(&glb, "").unwrap();
     assert_eq!(scene.moving_instances(), [true]);
     for time in [0.0, 0.5, 1.0] {
         let (low, high) = scene.bounds(&scene.pose(time)).unwrap();

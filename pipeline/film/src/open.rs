@@ -32,7 +32,8 @@ impl Film {
     /// [`Error::Scene`]: the scene cannot be read, or requires an unsupported feature.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
-        let scene = scene::load(&path)?;
+        let mut scene = scene::load(&path)?;
+        scene.furnish();
         Ok(Self { path, scene, options: Options::default() })
     }
 

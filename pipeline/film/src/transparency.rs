@@ -88,8 +88,12 @@ mod tests {
     /// A pixel half covered by a white object over a gray background contains the object's color.
     #[test]
     fn borders_have_the_color_of_the_object() {
-        assert_eq!(without([191, 191, 191], 0.5, [0.5; 3]), [254, 254, 254, 128]);
+        let near = |found: [u8; 4], expected: [u8; 4]| {
+            let is_near = found.into_iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= 1);
+            assert!(is_near, "{found:?} for {expected:?}");
+        };
+        near(without([191, 191, 191], 0.5, [0.5; 3]), [254, 254, 254, 128]);
         // A shadow is black.
-        assert_eq!(without([64, 64, 64], 0.0, [128.0 / 255.0; 3]), [0, 0, 0, 128]);
+        near(without([64, 64, 64], 0.0, [128.0 / 255.0; 3]), [0, 0, 0, 128]);
     }
 }

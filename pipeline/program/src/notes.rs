@@ -102,6 +102,21 @@ pub(super) fn on_darkness(brightest: Option<u8>, settings: &Settings) -> Option<
     ))
 }
 
+/// Fraction of black pixels above which a picture counts as unlit.
+const MOST_BLACK: f32 = 0.4;
+
+/// Returns a note if much of a still is black because the scene's lamps are its only light.
+pub(super) fn on_lamps_alone(shown: &Plane<[u8; 3]>, scene: &Scene) -> Option<String> {
+    let black = shown.samples().iter().filter(|codes| codes.iter().all(|&code| code < 4)).count();
+    let share = black as f32 / shown.samples().len().max(1) as f32;
+    (scene.sky.is_none() && share > MOST_BLACK).then(|| {
+        format!(
+            "{:.0} % of the picture is black: only the scene's own lamps light it; --studio soft adds a studio",
+            100.0 * share
+        )
+    })
+}
+
 /// Returns the mean luminance of a picture.
 pub(super) fn mean_luminance(radiance: &Plane<[f32; 3]>) -> f32 {
     let luminances = luminance_plane(radiance);
@@ -161,6 +176,18 @@ mod tests {
         scene.materials.push(Material { emission: Vec3::splat(1e-6), ..Material::default() });
         assert!(!is_dim(&scene, 1e-6));
         assert!(!is_dim(&Scene::default(), 1e-6), "the scene has no light");
+    }
+
+    #[test]
+    fn black_surroundings_are_explained_unless_there_is_a_sky() {
+        let picture = |black: usize| Plane::from_fn(100, 1, |x, _| if x < black { [1, 0, 3] } else { [0, 0, 90] });
+        let dark = Scene::default();
+        let lit = Scene { sky: Environment::gradient(Gradient::constant([1.0; 3])), ..Scene::default() };
+        let noted = |black: usize, scene: &Scene| on_lamps_alone(&picture(black), scene).is_some();
+        assert_eq!(
+            [(40, &dark), (41, &dark), (41, &lit)].map(|(black, scene)| noted(black, scene)),
+            [false, true, false]
+        );
     }
 
     #[test]

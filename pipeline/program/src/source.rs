@@ -148,7 +148,9 @@ impl Reading {
         for (table, name) in names {
             set.extend(name.as_deref().map(|name| Setting::text(table, "name", name)));
         }
-        Ok(scene::load_with(path, self.reach(), &set)?)
+        let mut scene = scene::load_with(path, self.reach(), &set)?;
+        scene.furnish();
+        Ok(scene)
     }
 }
 

@@ -146,9 +146,34 @@ const GAP: f32 = 3e-5;
 /// Minimum and maximum albedo of the ground. Its light on the scene therefore hardly depends on the background's color.
 const ALBEDOS: [f32; 2] = [0.3, 0.7];
 
+/// Warning about a scene without light.
+pub(super) const PLAIN_SKY_NOTE: &str = "the scene has no lamp: a plain white sky lights it";
+/// Warning about a scene in a studio because it lacks light.
+const STUDIO_NOTE: &str = "the scene has no lamp: a studio lights it (--studio)";
+
 impl Scene {
+    /// Completes a scene for pictures, as its settings choose: adds a studio if the scene has no light, a camera if it
+    /// has none, and a background. Programs call this method once, after loading. The studio's ground and the camera
+    /// are additional nodes, after all others.
+    pub fn furnish(&mut self) {
+        let extent = SceneExtent::of(self);
+        self.add_camera(&extent);
+        let plain = self.warnings.iter().position(|warning| warning == PLAIN_SKY_NOTE);
+        let default = plain.map(|_| StudioKind::Soft);
+        match (self.settings.studio.kind.or(default), plain) {
+            (Some(StudioKind::Off) | None, _) => {}
+            (Some(kind), plain) => {
+                self.add_studio(kind, &extent);
+                if let Some(plain) = plain {
+                    self.warnings[plain] = STUDIO_NOTE.into();
+                }
+            }
+        }
+        self.background = self.background.or(self.settings.studio.background.map(Vec3::from));
+    }
+
     /// Adds the studio that the settings choose. Sets exposure 1, for which the studio's lamps are made.
-    pub(super) fn add_studio(&mut self, kind: StudioKind, extent: &SceneExtent) {
+    fn add_studio(&mut self, kind: StudioKind, extent: &SceneExtent) {
         let Some(light) = kind.light() else { return };
         let azimuth = self.settings.camera.angles().0.to_radians();
         let irradiance = light.irradiance(azimuth);

@@ -43,7 +43,9 @@ fn triangles(seed: u32, size: Vec3, middle: Vec3) -> Vec<[Vec3; 3]> {
 
 fn loaded(path: &std::path::Path, set: &[&str]) -> Scene {
     let set: Vec<Setting> = set.iter().map(|text| text.parse().unwrap()).collect();
-    load_with(path, Reach::Folder, &set).unwrap()
+    let mut scene = load_with(path, Reach::Folder, &set).unwrap();
+    scene.furnish();
+    scene
 }
 
 /// Returns the box around the projected corners, in pictures of this size, as fractions of the picture.

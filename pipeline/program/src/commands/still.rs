@@ -101,7 +101,8 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
             // Convert display codes, which begin at 0, to video codes, which begin at 16.
             let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
             let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
-            let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness);
+            let alone = notes::on_lamps_alone(&still.shown, &scene);
+            let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness).chain(alone);
             notes.for_each(|note| tell!("note: {}", single_line(&note)));
             super::tell_of_picture(path, settings.render.size, begin);
         }

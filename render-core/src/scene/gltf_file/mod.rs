@@ -42,10 +42,9 @@ use lenient::PointerChannel;
 use pointers::Target;
 
 use super::files::{Reach, SceneFiles};
-use super::framing::SceneExtent;
 use super::light::STRONGEST;
 use super::sky::SkySource;
-use super::studio_settings::StudioKind;
+use super::studio::PLAIN_SKY_NOTE;
 use super::{Gradient, Material, Scene, SceneSettings, Setting};
 use crate::environment::Environment;
 use glam::{Affine3A, Vec3, Vec3A};
@@ -150,28 +149,15 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
         scene.warnings.push("the scene has no surface: only the sky is visible".into());
     }
 
-    // Add a camera if the scene has none, and a studio if it has no light. A sky in the settings is the author's choice,
-    // even a black one.
-    let extent = SceneExtent::of(&scene);
-    scene.add_camera(&extent);
+    // Add a default light if the scene has no light. A sky in the settings is the author's choice, even a black one.
     let materials = scene.extreme_materials();
     let lit = settings_have_sky
         || !scene.punctual_lights.is_empty()
         || scene.instances.iter().any(|i| materials[scene.meshes[i.mesh].material].is_lamp());
-    match scene.settings.studio.kind.or((!lit).then_some(StudioKind::Soft)) {
-        Some(StudioKind::Off) if !lit => {
-            scene.sky = Environment::gradient(Gradient::PLAIN);
-            scene.warnings.push("the scene has no lamp: a plain white sky lights it".into());
-        }
-        Some(StudioKind::Off) | None => {}
-        Some(kind) => {
-            scene.add_studio(kind, &extent);
-            if !lit {
-                scene.warnings.push("the scene has no lamp: a studio lights it (--studio)".into());
-            }
-        }
+    if !lit {
+        scene.sky = Environment::gradient(Gradient::PLAIN);
+        scene.warnings.push(PLAIN_SKY_NOTE.into());
     }
-    scene.background = scene.background.or(scene.settings.studio.background.map(Vec3::from));
     // Check visibility last, because the notes depend on the complete scene.
     let notes = [scene.backdrop_note(), scene.clipped_note()];
     scene.warnings.extend(notes.into_iter().flatten());
