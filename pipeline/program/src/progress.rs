@@ -130,6 +130,17 @@ pub fn of_work(quiet: bool) -> ProgressBar {
     ProgressBar::new(0).with_style(style)
 }
 
+/// Returns a progress line for `count` pictures, which shows activity while a picture is rendered.
+pub fn of_pictures(count: usize, quiet: bool) -> ProgressBar {
+    if quiet {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{spinner} {pos}/{len} pictures  {elapsed}");
+    let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is correct"));
+    bar.enable_steady_tick(TICK);
+    bar
+}
+
 /// Returns a progress bar for work in many steps, with a message for the current step.
 pub fn of_long_work(quiet: bool) -> ProgressBar {
     if quiet {

@@ -3,6 +3,7 @@
 use crate::notes;
 use crate::overwrite::Overwrite;
 use crate::print::single_line;
+use crate::progress;
 use crate::source::{MemoryLimit, Reading};
 use anyhow::Result;
 use clap::Args;
@@ -15,6 +16,7 @@ use render2mpeg::still::Still;
 use renderer::settings::Size;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::str::FromStr;
 
 /// Frames to render, and the quality of their pictures.
 #[derive(Args)]
@@ -25,10 +27,10 @@ pub(crate) struct StillArguments {
     /// .png, in the current folder]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Frame of the scene, counted from 0, or a list such as 2,4,10-20; file names of a list end in the frame's
-    /// number
-    #[arg(long, alias = "range", value_name = "K|LIST", default_value_t = FrameList::one(0))]
-    frame: FrameList,
+    /// Frame of the scene, counted from 0, or a list such as 2,4,10-20, or times such as 1.5s; file names of a list end
+    /// in the frame's number
+    #[arg(long, alias = "range", value_name = "K|LIST", default_value = "0")]
+    frame: Moments,
     /// Quality preset: draft, good or final, as for films
     #[arg(long, value_enum, value_name = "HOW")]
     preset: Option<Preset>,
@@ -77,6 +79,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
         scene.background.get_or_insert(super::PLAIN_BACKGROUND);
     }
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
+    let frame = frame.frames(fps.or(scene.settings.video.fps).unwrap_or(FPS))?;
     let pictures = named(&output, &frame);
     pictures.iter().try_for_each(|(_, path)| overwrite.check(path))?;
 
@@ -94,22 +97,65 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     }
     let frames: Vec<u32> = pictures.iter().map(|(frame, _)| *frame).collect();
     let mut begin = std::time::Instant::now();
+    let bar = progress::of_pictures(frames.len(), quiet);
     Still::render_each(&scene, &settings, &frames, is_transparent, |frame, still| {
         let path = &pictures.iter().find(|(of, _)| *of == frame).expect("only these frames are rendered").1;
         still.write(path)?;
+        bar.inc(1);
         if !quiet {
             // Convert display codes, which begin at 0, to video codes, which begin at 16.
             let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
             let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);
             let alone = notes::on_lamps_alone(&still.shown, &scene);
             let notes = notes::on_darkness(Some(bright), &settings).into_iter().chain(dimness).chain(alone);
-            notes.for_each(|note| tell!("note: {}", single_line(&note)));
-            super::tell_of_picture(path, settings.render.size, begin);
+            bar.suspend(|| {
+                notes.for_each(|note| tell!("note: {}", single_line(&note)));
+                super::tell_of_picture(path, settings.render.size, begin);
+            });
         }
         begin = std::time::Instant::now();
         Ok(())
     })?;
+    bar.finish_and_clear();
     Ok(ExitCode::SUCCESS)
+}
+
+/// Frames per second if neither the command line nor the scene's TOML file sets a rate.
+const FPS: f64 = 25.0;
+
+/// Frames by number, or by time.
+#[derive(Clone, Debug)]
+enum Moments {
+    Frames(FrameList),
+    /// Times from the start of the animation \[s\].
+    Seconds(Vec<f64>),
+}
+
+impl FromStr for Moments {
+    type Err = render2mpeg::Error;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        if !text.trim_end().ends_with('s') {
+            return text.parse().map(Self::Frames);
+        }
+        let wrong = || render2mpeg::Error::Options(format!("\"{text}\" is not a list of times such as 1.5s or 0s,2s"));
+        let seconds =
+            |part: &str| part.trim().strip_suffix('s')?.parse::<f64>().ok().filter(|s| (0.0..=1e5).contains(s));
+        let times: Option<Vec<f64>> = text.split(',').map(seconds).collect();
+        times.map(Self::Seconds).ok_or_else(wrong)
+    }
+}
+
+impl Moments {
+    /// Returns the frames nearest to the times, at this rate.
+    fn frames(self, fps: f64) -> Result<FrameList> {
+        let times = match self {
+            Self::Frames(frames) => return Ok(frames),
+            Self::Seconds(times) => times,
+        };
+        let numbers: Vec<String> = times.iter().map(|time| format!("{:.0}", time * fps)).collect();
+        Ok(numbers.join(",").parse()?)
+    }
 }
 
 /// Refuses a transparent picture in a format without opacity.
@@ -133,4 +179,20 @@ fn named(output: &Path, frames: &FrameList) -> Vec<(u32, PathBuf)> {
     let ending = output.extension().unwrap_or_default().to_string_lossy().into_owned();
     let name = |frame: &u32| output.with_file_name(format!("{stem}_{frame:0digits$}.{ending}"));
     frames.frames().iter().map(|frame| (*frame, name(frame))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_the_nearest_frames() {
+        let frames = |text: &str, fps: f64| text.parse::<Moments>().unwrap().frames(fps).unwrap().frames().to_vec();
+        assert_eq!(frames("1.5s", 24.0), [36]);
+        assert_eq!(frames("0s, 2s,0.99s", 25.0), [0, 25, 50]);
+        assert_eq!(frames("3,5-6", 25.0), [3, 5, 6]);
+        for text in ["s", "-1s", "1s,2", "1,2s", "nans", "1e9s"] {
+            assert!(text.parse::<Moments>().is_err(), "{text}");
+        }
+    }
 }

@@ -3,6 +3,7 @@
 use crate::notes;
 use crate::overwrite::Overwrite;
 use crate::print::single_line;
+use crate::progress;
 use crate::source::{MemoryLimit, Reading};
 use anyhow::{Context, Result};
 use clap::Args;
@@ -113,6 +114,7 @@ pub fn run(arguments: ViewsArguments) -> Result<ExitCode> {
 
     // Render the views, which share the scene's light.
     let begin = std::time::Instant::now();
+    let bar = progress::of_pictures(count as usize, quiet);
     let mut frames = Vec::new();
     Still::render_each(&scene, &settings, &(0..count).collect::<Vec<_>>(), is_transparent, |frame, still| {
         still.write(&folder.join(file(frame, "png")))?;
@@ -123,11 +125,10 @@ pub fn run(arguments: ViewsArguments) -> Result<ExitCode> {
             entry["channels_path"] = json!(file(frame, "exr"));
         }
         frames.push(entry);
-        if !quiet {
-            tell!("{} of {count} views", frame + 1);
-        }
+        bar.inc(1);
         Ok(())
     })?;
+    bar.finish_and_clear();
     write_table(&table, &scene, &settings, frames)?;
     if !quiet {
         tell!("{}: {count} views in {:.1} s", folder.display(), begin.elapsed().as_secs_f64());
