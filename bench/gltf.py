@@ -87,7 +87,8 @@ def camera_of(header):
 def rendered(program, path, folder):
     """Renders a file here. Returns picture, silhouette and camera, or the final error line."""
     picture, frames = folder / "here.png", folder / "frames"
-    common = ["--size", f"{SIDE}x{SIDE}", "--overwrite"]
+    # The ground of a studio would hide the silhouettes.
+    common = ["--size", f"{SIDE}x{SIDE}", "--overwrite", "--studio", "off"]
     code, lines = run_once([program, "still", path, "-o", picture, "--samples", "1", *common])
     result = {"file": str(path), "code": code, "lines": lines}
     if code != 0:
