@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(settings(text, &[]).unwrap(), SceneSettings::parse(text).unwrap());
         for (set, word) in [
             ("exposure", "exposure=1.5"),
-            ("name=b", "camera.name, animation.name"),
+            ("name=b", "camera.name, orbit, target, fov, up, turn, animation.name"),
             ("camera.nam=b", "settings are operator, exposure"),
             ("exposre=1", "\"exposre=1\" names an unknown setting; settings are operator, exposure, gamma"),
             ("nadir=[0,0,0]", "zenith, horizon, ground"),
