@@ -233,3 +233,49 @@ fn views_agree_with_their_cameras() {
     }
     assert!(close > 2000 && normals > close * 95 / 100, "{normals} normals of {close} points");
 }
+
+/// Options for background and camera that cannot have their effect are refused, with a remedy.
+#[test]
+fn contradicting_views_are_refused() {
+    let folder = folder_with_room(Moving::Camera);
+    let folder = folder.path();
+    for (words, remedy) in [
+        ("render room.glb --background transparent", "only still and views"),
+        ("still room.glb --background white", "--set exposure=1"),
+        ("still room.glb --camera 0 --orbit 30,70", "drop one"),
+        ("turntable room.glb --camera 0", "drop one"),
+    ] {
+        assert_fails(folder, &words.split(' ').collect::<Vec<_>>(), &[remedy]);
+    }
+    // A fixed exposure makes the color exact, for any tone curve.
+    for curve in ["srgb", "filmic"] {
+        let words = "still room.glb --background #204060 --set exposure=2 --orbit 0,90,100 --overwrite -o a.png";
+        run(folder, &format!("{words} {SMALL} --set operator={curve}"));
+        let shown = png(&folder.join("a.png")).get(0, 0);
+        assert!(
+            shown.iter().zip([0x20, 0x40, 0x60]).all(|(&a, b): (&u8, u8)| a.abs_diff(b) <= 1),
+            "{curve}: {shown:?}"
+        );
+    }
+}
+
+/// The exposure of a transparent picture follows from its surfaces, not from the removed background.
+#[test]
+fn removed_backgrounds_do_not_set_the_exposure() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mean = |emission: f32| {
+        let mut glb = Glb::default();
+        let ball = Ball { center: Vec3::ZERO, radius: 1.0, columns: 24, rows: 12, half: false, inward: false };
+        glb.add_ball(ball, Vec3::splat(0.5), Vec3::ZERO);
+        glb.add(&[[vec3(-3.0, 4.0, -3.0), Vec3::X * 6.0, Vec3::Z * 6.0]], Vec3::ZERO, Vec3::splat(emission));
+        glb.write(&folder.join("ball.glb"));
+        run(folder, "still ball.glb --size 96x64 -o a.png --overwrite --background transparent");
+        let picture = image::open(folder.join("a.png")).unwrap().into_rgba8();
+        let solid: Vec<f64> = picture.pixels().filter(|p| p.0[3] == 255).map(|p| f64::from(p.0[1])).collect();
+        assert!(solid.len() > 20, "{} pixels", solid.len());
+        solid.iter().sum::<f64>() / solid.len() as f64
+    };
+    let (bright, dim) = (mean(20_000.0), mean(20.0));
+    assert!((bright - dim).abs() < 4.0, "{bright} and {dim} codes");
+}

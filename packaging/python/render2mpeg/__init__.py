@@ -77,10 +77,14 @@ def _words(options):
     for name, value in options.items():
         if value is None or value is False:
             continue
-        words.append("--" + name.replace("_", "-"))
-        if value is True:
-            continue
-        separator = "x" if name == "size" else ","
+        word = "--" + name.replace("_", "-")
         is_list = isinstance(value, (list, tuple))
-        words.append(separator.join(map(str, value)) if is_list else str(value))
+        if value is True:
+            words.append(word)
+        elif is_list and all(isinstance(item, str) for item in value):
+            # Repeat an option with several texts, such as set=["exposure=2", "gamma=2.4"].
+            words += [part for item in value for part in (word, item)]
+        else:
+            separator = "x" if name == "size" else ","
+            words += [word, separator.join(map(str, value)) if is_list else str(value)]
     return words

@@ -6,13 +6,14 @@ use crate::settings::{ExrDepth, Settings};
 use crate::stages::linear::write_linear;
 use crate::transparency::{coverage, transparent};
 use perceptual::luminance_plane;
-use pipeline::exposure::exposure_for;
-use pipeline::stage::{Channels, LastThresholds, Shade};
+use pipeline::exposure::{exposure_for, exposure_for_luminances};
+use pipeline::stage::{Channels, LastThresholds, Shade, Shaded};
 use plane::Plane;
+use render_core::NOTHING;
 use render_core::image_file::FrameHeader;
 use render_core::scene::Scene;
 use renderer::plan::Plan;
-use renderer::{Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
+use renderer::{Frame, Preparation, Shading, exposure_of_first_frame, exposure_of_lit_frames};
 use std::path::Path;
 
 /// Rendered picture of one frame.
@@ -29,6 +30,17 @@ pub struct Still {
     pub channels: Channels,
     /// Attributes in the header of an OpenEXR file.
     pub header: FrameHeader,
+}
+
+/// Returns the automatic exposure for a picture without its background.
+fn exposure_of_surfaces(frame: &Frame, shaded: &Shaded) -> f32 {
+    // Omit pixels at outlines, which contain light of the background.
+    let mut is_surface: Vec<bool> = frame.seen.pixels.samples().iter().map(|pixel| pixel.instance != NOTHING).collect();
+    shaded.outlines.iter().for_each(|outline| is_surface[outline.pixel] = false);
+    let luminances = luminance_plane(&shaded.radiance);
+    let pixels = luminances.samples().iter().zip(is_surface);
+    let of_surfaces: Vec<f32> = pixels.filter(|(_, is_surface)| *is_surface).map(|(&y, _)| y).collect();
+    exposure_for_luminances(&of_surfaces).unwrap_or(1.0)
 }
 
 impl Still {
@@ -67,11 +79,16 @@ impl Still {
         let is_later = is_auto && of_lit_frames.is_none() && frames.iter().any(|&frame| frame > 0);
         let of_first_frame =
             is_later.then(|| exposure_of_first_frame(&mut preparation, |settings, plan| Shading::new(settings, plan)));
+        // Behind a background, the surfaces of the first picture determine the exposure.
+        let mut of_surfaces = None;
         for &frame in frames {
             let prepared = preparation.frame(frame);
             let shaded = Shading::new(&renderer, &plan).step(&prepared, LastThresholds::none());
-            let exposure = match of_lit_frames.or(of_first_frame.filter(|_| frame > 0)) {
+            let exposure = match of_lit_frames.or(of_first_frame.filter(|_| frame > 0 && scene.background.is_none())) {
                 Some(exposure) => exposure,
+                None if is_auto && scene.background.is_some() => {
+                    *of_surfaces.get_or_insert_with(|| exposure_of_surfaces(&prepared.frame, &shaded))
+                }
                 None if is_auto => exposure_for(&luminance_plane(&shaded.radiance)),
                 None => settings.render.tone_map.exposure,
             };

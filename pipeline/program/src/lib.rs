@@ -34,6 +34,7 @@ mod log;
 pub mod mpi;
 mod notes;
 mod overwrite;
+mod picture;
 mod print;
 mod print_config;
 mod progress;
@@ -113,7 +114,7 @@ fn run(command: Command) -> Result<ExitCode> {
             commands::render::run_among(*arguments, &Ranks::join()?)
         }
         Command::Views(arguments) => {
-            use_threads(arguments.threads)?;
+            use_threads(arguments.picture.threads)?;
             commands::views::run(*arguments)
         }
         #[cfg(feature = "bake")]
@@ -126,7 +127,7 @@ fn run(command: Command) -> Result<ExitCode> {
             commands::reference::run(arguments)
         }
         Command::Still(arguments) => {
-            use_threads(arguments.threads)?;
+            use_threads(arguments.picture.threads)?;
             commands::still::run(*arguments)
         }
         Command::Completions { shell } => commands::shell::completions(args::Arguments::command(), shell),

@@ -5,7 +5,7 @@ use super::print_config::ProgramOption;
 use clap::Args;
 use perceptual::ToneMap;
 use render_core::scene::{self, Orbit, Reach, Scene, SceneSettings, Setting};
-use render2mpeg::error::Result;
+use render2mpeg::error::{Error, Result};
 use render2mpeg::memory;
 use render2mpeg::settings::{CodedRate, MemorySize, Settings, read_tone_map};
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ pub(crate) struct Reading {
     /// Point at which the camera looks [default: the center of the scene]
     #[arg(long, value_name = "X,Y,Z", value_parser = target, allow_hyphen_values = true, help_heading = "View", hide_short_help = true)]
     target: Option<Typed>,
-    /// Vertical field of view in degrees, with the default position of the camera or --orbit
+    /// Vertical field of view in degrees [default: the camera's own, else 22]
     #[arg(long, value_name = "DEGREES", value_parser = fov, help_heading = "View", hide_short_help = true)]
     fov: Option<Typed>,
     /// Direction that points up, such as 0,0,1
@@ -126,7 +126,7 @@ impl Reading {
 
     /// Returns whether pictures have a transparent background.
     pub fn is_transparent(&self) -> bool {
-        self.background.as_ref().is_some_and(|background| background.setting.is_none())
+        self.background.as_ref().is_some_and(|background| background.text == "transparent")
     }
 
     /// Turns the camera in `seconds` unless another time is given.
@@ -134,12 +134,31 @@ impl Reading {
         self.turn.get_or_insert_with(|| turn(&seconds.to_string()).expect("the duration is in range"));
     }
 
-    /// Loads the scene at `path`.
+    /// Loads the scene at `path`, with studio and camera as the options choose.
     ///
     /// # Errors
-    /// If the scene cannot be read or is in another program's format.
+    /// If the scene cannot be read or is in another program's format, or if options contradict each other.
     pub fn load(&self, path: &Path) -> anyhow::Result<Scene> {
+        if self.is_transparent() {
+            let text = "--background transparent: only still and views write transparent pictures";
+            return Err(Error::Options(text.into()).into());
+        }
+        let mut scene = self.load_bare(path)?;
+        scene.furnish();
+        Ok(scene)
+    }
+
+    /// Loads the scene at `path` without studio and camera, for a caller that calls [`Scene::furnish`].
+    ///
+    /// # Errors
+    /// If the scene cannot be read or is in another program's format, or if options contradict each other.
+    pub fn load_bare(&self, path: &Path) -> anyhow::Result<Scene> {
         foreign::check(path)?;
+        let replaces_camera = [&self.orbit, &self.target, &self.up, &self.turn].into_iter().any(Option::is_some);
+        if self.camera.is_some() && replaces_camera {
+            let text = "--camera selects a camera of the file; --orbit, --target, --up and --turn replace it: drop one";
+            return Err(Error::Options(text.into()).into());
+        }
         // Pass the options as settings, which override the scene's TOML file.
         let mut set = self.set.clone();
         set.extend(self.point_size.clone());
@@ -149,9 +168,24 @@ impl Reading {
             set.extend(name.as_deref().map(|name| Setting::text(table, "name", name)));
         }
         let mut scene = scene::load_with(path, self.reach(), &set)?;
-        scene.furnish();
+        if let Some(color) = self.background.as_ref().filter(|_| self.has_background()) {
+            scene.settings.studio.background = Some(shown_as(&color.text, &scene)?);
+        }
         Ok(scene)
     }
+}
+
+/// Returns the radiance that the tone curve of `scene` shows as the color `text`.
+fn shown_as(text: &str, scene: &Scene) -> anyhow::Result<[f32; 3]> {
+    let color = color(text).map_err(Error::Options)?;
+    let table = scene.settings.tone_mapping.as_ref();
+    let tone_map = table.map_or(Ok(ToneMap::default()), read_tone_map).map_err(Error::Options)?;
+    // Studios have exposure 1 by default; other scenes have automatic exposure, which follows from the picture.
+    if scene.studio_kind().is_none() && !table.is_some_and(|table| table.contains_key("exposure")) {
+        let text = format!("--background {text} needs a fixed exposure without a studio: add --set exposure=1");
+        return Err(Error::Options(text).into());
+    }
+    Ok(color.map(|display| tone_map.decode(display)))
 }
 
 /// Parses a width as a setting.
@@ -163,7 +197,7 @@ fn studio(text: &str) -> Result<Typed, String> {
     Ok(Typed::of(text, setting(&format!("studio.kind=\"{text}\""))?))
 }
 
-/// Option as typed, with the setting that it overrides; `None` for an option that is no setting of the scene.
+/// Option as typed, with the setting that it overrides; `None` for a color, which depends on the scene's tone curve.
 #[derive(Clone, Debug)]
 struct Typed {
     text: String,
@@ -176,13 +210,12 @@ impl Typed {
     }
 }
 
-/// Parses a color as it appears in the picture, and returns its radiance at exposure 1.
+/// Parses a background: a color as it appears in the picture, or "transparent".
 fn background(text: &str) -> Result<Typed, String> {
-    if text == "transparent" {
-        return Ok(Typed { text: text.into(), setting: None });
+    if text != "transparent" {
+        let _ = color(text)?;
     }
-    let [r, g, b] = color(text)?.map(|display| ToneMap::default().decode(display));
-    Ok(Typed::of(text, setting(&format!("studio.background=[{r:?},{g:?},{b:?}]"))?))
+    Ok(Typed { text: text.into(), setting: None })
 }
 
 fn turn(text: &str) -> Result<Typed, String> {

@@ -11,10 +11,10 @@ use glam::Vec3;
 const FAR: f32 = 64.0;
 
 impl Scene {
-    /// Moves a scene that is far from the origin to the origin.
-    pub(super) fn move_to_origin(&mut self) {
-        let Some((min, max)) = self.bounds(&self.pose(0.0)) else { return };
-        let Some(middle) = far_middle(min.into(), max.into()) else { return };
+    /// Moves a scene that is far from the origin to the origin. Returns the translation, zero for other scenes.
+    pub(super) fn move_to_origin(&mut self) -> Vec3 {
+        let bounds = self.bounds(&self.pose(0.0));
+        let Some(middle) = bounds.and_then(|(min, max)| far_middle(min.into(), max.into())) else { return Vec3::ZERO };
         // Center far meshes in their local space, where `f32` is also too coarse.
         self.move_far_meshes();
         for (index, node) in self.nodes.iter_mut().enumerate() {
@@ -32,6 +32,7 @@ impl Scene {
                 *key -= middle;
             }
         }
+        -middle
     }
 
     /// Inserts a node with an offset above each mesh with vertices far from the mesh's own origin. Deforming meshes

@@ -31,21 +31,22 @@ pub(super) struct SceneExtent {
 }
 
 impl SceneExtent {
-    /// Collects the vertices of `scene` in all its poses.
+    /// Collects the vertices of `scene` in all its poses, without the ground of a studio.
     pub fn of(scene: &Scene) -> Self {
         let mut points = Vec::new();
+        // Reduce each mesh once; only deformed meshes differ between poses.
+        let hulls: Vec<Vec<Vec3A>> = scene.meshes.iter().map(|mesh| hull_of(&mesh.positions)).collect();
         let moments = if scene.duration() > 0.0 { MOMENTS } else { 1 };
         for moment in 0..moments {
-            let pose = scene.pose(scene.duration() * moment as f32 / MOMENTS.saturating_sub(1) as f32);
+            let pose = scene.pose(scene.duration() * moment as f32 / (MOMENTS - 1) as f32);
             for (index, instance) in scene.instances.iter().enumerate() {
                 if scene.ground.is_some_and(|ground| ground.instance as usize == index) {
                     continue;
                 }
                 let world = scene.instance_world(&pose, index);
-                let positions =
-                    pose.deformed(index).map_or(&scene.meshes[instance.mesh].positions, |shape| &shape.positions);
-                let placed = positions.iter().map(|&position| world.transform_point3a(position.into()));
-                points.extend(hull_of(placed));
+                let deformed = pose.deformed(index).map(|shape| hull_of(&shape.positions));
+                let hull = deformed.as_ref().unwrap_or(&hulls[instance.mesh]);
+                points.extend(hull.iter().map(|&point| world.transform_point3a(point)));
             }
         }
         points.retain(|point| point.is_finite());
@@ -116,15 +117,17 @@ impl SceneExtent {
 const CENTERINGS: usize = 4;
 /// Number of vertices above which only the extreme ones are kept.
 const FEW: usize = 4096;
-/// Number of directions in which vertices of large meshes are extreme.
-const DIRECTIONS: usize = 192;
+/// Number of directions in which vertices of large meshes are extreme. On a sphere, the hull of these vertices is at most
+/// 1 % smaller.
+const DIRECTIONS: usize = 400;
 
 /// Returns all of a few points, or the extreme points in many directions.
-fn hull_of(points: impl ExactSizeIterator<Item = Vec3A> + Clone) -> Vec<Vec3A> {
+fn hull_of(points: &[Vec3]) -> Vec<Vec3A> {
+    let points = points.iter().map(|&point| Vec3A::from(point));
     if points.len() <= FEW {
         return points.collect();
     }
-    // Find extreme points by a golden spiral of directions. The bounds of the hull are within 1 % of the exact bounds.
+    // Find extreme points by a golden spiral of directions.
     let directions: [Vec3A; DIRECTIONS] = std::array::from_fn(|i| {
         let y = 1.0 - 2.0 * (i as f32 + 0.5) / DIRECTIONS as f32;
         let (sine, cosine) = (i as f32 * 2.399_963).sin_cos();
@@ -163,23 +166,37 @@ impl Scene {
     /// none.
     pub(super) fn add_camera(&mut self, extent: &SceneExtent) {
         let choice = self.settings.camera.clone();
-        if !choice.has_position() && !self.cameras.is_empty() {
-            return;
-        }
-        // A camera that turns shows the pose at time 0 from all sides.
-        if let Some(seconds) = choice.turn {
-            self.stop();
-            let pivot = self.add_turn(extent, &choice, seconds);
-            self.cameras.push(camera_on(pivot, &choice));
+        let node = if let Some(seconds) = choice.turn {
+            self.add_turn(extent, &choice, seconds)
         } else {
-            let world = place(extent, &choice);
-            self.nodes.push(node(None, world));
-            self.cameras.push(camera_on(self.nodes.len() - 1, &choice));
-        }
+            self.nodes.push(node(None, place(extent, &choice)));
+            self.nodes.len() - 1
+        };
+        self.film_from(node, &choice);
+    }
+
+    /// Returns whether a camera is to be added: the settings place one, or the file has none.
+    pub(super) fn needs_camera(&self) -> bool {
+        self.settings.camera.has_position() || self.cameras.is_empty()
+    }
+
+    /// Adds a camera on a node, and selects it.
+    fn film_from(&mut self, node: usize, choice: &CameraChoice) {
+        self.cameras.push(camera_on(node, choice));
         self.settings.camera.name = Some((self.cameras.len() - 1).to_string());
     }
 
-    /// Replaces the camera by one that shows one of several views per frame, at `fps` frames per second.
+    /// Sets the vertical field of view \[rad\] of the filming camera, unless its projection is orthographic.
+    pub(super) fn set_lens(&mut self, yfov: f32) {
+        let number = self.filming_camera_number();
+        if let Some(Projection::Perspective { yfov: lens }) = number.map(|number| &mut self.cameras[number].projection)
+        {
+            *lens = yfov;
+        }
+    }
+
+    /// Replaces the camera by one that shows one of several views per frame, at `fps` frames per second. Call
+    /// [`stop`](Self::stop) first for an animated scene.
     pub fn set_views(&mut self, orbits: &[Orbit], fps: f64) {
         let extent = SceneExtent::of(self);
         let choice = self.settings.camera.clone();
@@ -192,19 +209,17 @@ impl Scene {
         let translations = places.iter().map(|place| place.2).collect();
         let rotations = places.iter().map(|place| place.1).collect();
 
-        // Change the camera's transform in steps. The scene keeps its pose at time 0.
-        self.stop();
+        // Change the camera's transform in steps.
         self.nodes.push(node(None, Affine3A::IDENTITY));
         let node = self.nodes.len() - 1;
         for track in [Track::Translation(translations), Track::Rotation(rotations)] {
             self.channels.push(Channel { node, times: times.clone(), track, interpolation: Interpolation::Step });
         }
-        self.cameras.push(camera_on(node, &choice));
-        self.settings.camera.name = Some((self.cameras.len() - 1).to_string());
+        self.film_from(node, &choice);
     }
 
-    /// Keeps the pose at time 0.
-    fn stop(&mut self) {
+    /// Removes all animations. The scene keeps its pose at time 0.
+    pub fn stop(&mut self) {
         for channel in &self.channels {
             channel.apply(0.0, &mut self.nodes[channel.node].rest);
         }

@@ -140,6 +140,8 @@ pub struct Scene {
     pub curtains: Vec<usize>,
     /// Environment light, if the scene has any.
     pub sky: Option<Environment>,
+    /// Translation from the file's coordinates to the scene's \[m\], zero unless the file is far from its origin.
+    pub displacement: Vec3,
     /// Radiance that camera rays show in place of the sky \[W·m⁻²·sr⁻¹\]. Other rays hit the sky.
     pub background: Option<Vec3>,
     /// Ground of a studio.

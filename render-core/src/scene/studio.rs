@@ -156,20 +156,47 @@ impl Scene {
     /// has none, and a background. Programs call this method once, after loading. The studio's ground and the camera
     /// are additional nodes, after all others.
     pub fn furnish(&mut self) {
-        let extent = SceneExtent::of(self);
-        self.add_camera(&extent);
-        let plain = self.warnings.iter().position(|warning| warning == PLAIN_SKY_NOTE);
-        let default = plain.map(|_| StudioKind::Soft);
-        match (self.settings.studio.kind.or(default), plain) {
-            (Some(StudioKind::Off) | None, _) => {}
-            (Some(kind), plain) => {
-                self.add_studio(kind, &extent);
-                if let Some(plain) = plain {
-                    self.warnings[plain] = STUDIO_NOTE.into();
-                }
+        // A turning camera shows the pose at time 0 from all sides.
+        if self.settings.camera.turn.is_some() {
+            self.stop();
+        }
+        let kind = self.studio_kind();
+
+        // Measure the scene only for a camera or a studio.
+        if kind.is_some() || self.needs_camera() {
+            let extent = SceneExtent::of(self);
+            if self.needs_camera() {
+                self.add_camera(&extent);
             }
+            if let Some(kind) = kind {
+                self.note_studio();
+                self.add_studio(kind, &extent);
+            }
+        } else if self.settings.camera.fov.is_some() {
+            self.set_lens(self.settings.camera.yfov());
         }
         self.background = self.background.or(self.settings.studio.background.map(Vec3::from));
+    }
+
+    /// Returns the kind of the studio that [`furnish`](Self::furnish) adds, or `None` for no studio.
+    #[must_use]
+    pub fn studio_kind(&self) -> Option<StudioKind> {
+        let default = self.lacks_light().then_some(StudioKind::Soft);
+        self.settings.studio.kind.or(default).filter(|kind| *kind != StudioKind::Off)
+    }
+
+    /// Returns whether neither the file nor the settings have any light.
+    pub(super) fn lacks_light(&self) -> bool {
+        let materials = self.extreme_materials();
+        let has_lamp = self.instances.iter().any(|i| materials[self.meshes[i.mesh].material].is_lamp());
+        self.settings.sky.is_none() && self.punctual_lights.is_empty() && !has_lamp
+    }
+
+    /// Replaces the warning about the plain sky, in whose place a studio lights the scene.
+    fn note_studio(&mut self) {
+        for warning in self.warnings.iter_mut().filter(|warning| *warning == PLAIN_SKY_NOTE) {
+            *warning = STUDIO_NOTE.into();
+        }
     }
 
     /// Adds the studio that the settings choose. Sets exposure 1, for which the studio's lamps are made.

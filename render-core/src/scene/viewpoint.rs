@@ -25,7 +25,7 @@ pub struct CameraChoice {
     pub orbit: Option<Orbit>,
     /// Point at which the camera looks \[m\]. The default is the center of the scene.
     pub target: Option<[f32; 3]>,
-    /// Vertical field of view \[°\]. The default is 22.
+    /// Vertical field of view \[°\]. The default is the field of view of the file's camera, else 22.
     pub fov: Option<f32>,
     /// Direction that points up in the picture. The default is +y.
     pub up: Option<[f32; 3]>,
@@ -115,7 +115,7 @@ impl<'de> Deserialize<'de> for Orbit {
 impl CameraChoice {
     /// Returns whether the settings place a camera.
     pub(super) fn has_position(&self) -> bool {
-        self.orbit.is_some() || self.target.is_some() || self.fov.is_some() || self.up.is_some() || self.turn.is_some()
+        self.orbit.is_some() || self.target.is_some() || self.up.is_some() || self.turn.is_some()
     }
 
     /// Returns azimuth and polar angle \[°\].

@@ -16,6 +16,3 @@ pub mod views;
 fn tell_of_picture(path: &std::path::Path, size: renderer::settings::Size, begin: std::time::Instant) {
     tell!("{}: {size} pixels in {:.1} s", path.display(), begin.elapsed().as_secs_f64());
 }
-
-/// Radiance behind the surfaces of a transparent picture before the background is removed.
-const PLAIN_BACKGROUND: render_core::glam::Vec3 = render_core::glam::Vec3::splat(0.4);

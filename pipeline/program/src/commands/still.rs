@@ -1,19 +1,17 @@
 //! Command `render2mpeg still`.
 
 use crate::notes;
-use crate::overwrite::Overwrite;
+use crate::picture::{PictureArguments, set_plain_background};
 use crate::print::single_line;
 use crate::progress;
-use crate::source::{MemoryLimit, Reading};
 use anyhow::Result;
 use clap::Args;
 use pipeline::output::Output;
 use render2mpeg::Options;
 use render2mpeg::picture_file::{PictureFormat, ShownFormat};
 use render2mpeg::places::FilePlaces;
-use render2mpeg::settings::{FrameList, Preset, parse_fps};
+use render2mpeg::settings::{FrameList, parse_fps};
 use render2mpeg::still::Still;
-use renderer::settings::Size;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -31,78 +29,55 @@ pub(crate) struct StillArguments {
     /// in the frame's number
     #[arg(long, alias = "range", value_name = "K|LIST", default_value = "0")]
     frame: Moments,
-    /// Quality preset: draft, good or final, as for films
-    #[arg(long, value_enum, value_name = "HOW")]
-    preset: Option<Preset>,
-    /// Picture size in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
-    #[arg(long, value_name = "WxH")]
-    size: Option<Size>,
-    /// Samples per pixel: 4 smooths textures and highlights; outlines are smooth with 1 [default: 1, or 4 with --preset
-    /// final]
-    #[arg(long, value_name = "N")]
-    samples: Option<u32>,
     /// Frames per second, which determine the time of the frame [default: the scene's TOML file, else 25]
     #[arg(long, value_parser = parse_fps)]
     fps: Option<f64>,
     /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
-    /// Options for reading the scene: folders, camera, animation and scene settings.
+    /// Quality of the pictures, and options of their scene and run.
     #[command(flatten)]
-    reading: Reading,
-    /// Limit on memory.
-    #[command(flatten)]
-    memory: MemoryLimit,
-    /// Permission to replace pictures.
-    #[command(flatten)]
-    overwrite: Overwrite,
-    /// Number of threads; the result does not depend on it [default: one per processor]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Print errors only
-    #[arg(short, long)]
-    quiet: bool,
+    pub picture: PictureArguments,
 }
 
 /// Renders the frames, and writes them as pictures.
 pub fn run(arguments: StillArguments) -> Result<ExitCode> {
-    let StillArguments { scene: path, output, frame, preset, size, samples, fps, vpls, .. } = arguments;
-    let StillArguments { reading, memory, overwrite, quiet, .. } = arguments;
+    let StillArguments { scene: path, output, frame, fps, vpls, picture } = arguments;
+    let PictureArguments { reading, memory, overwrite, quiet, .. } = &picture;
     let output = output.unwrap_or_else(|| PathBuf::from(path.file_stem().unwrap_or_default()).with_extension("png"));
     // Check paths and scene before rendering begins.
     let _ = PictureFormat::of(&output)?;
-    let mut scene = reading.load(&path)?;
+    let mut scene = reading.load_bare(&path)?;
+    scene.furnish();
     let is_transparent = reading.is_transparent();
     if is_transparent {
         check_transparent(&output)?;
-        // Without a studio, show a gray in place of the sky, so that the background can be removed.
-        scene.background.get_or_insert(super::PLAIN_BACKGROUND);
+        set_plain_background(&mut scene);
     }
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
     let frame = frame.frames(fps.or(scene.settings.video.fps).unwrap_or(FPS))?;
     let pictures = named(&output, &frame);
     pictures.iter().try_for_each(|(_, path)| overwrite.check(path))?;
 
-    // Fill in settings of a film that includes the last frame, at the finest quantiser.
-    let (frames, qscale) = (Some(frame.last() + 1), Some(1));
-    let options = Options { preset, size, samples, fps, vpls, frames, qscale, ..Options::default() };
-    let settings = options.clone().fill_in(path, &scene)?;
+    // Fill in settings of a film that includes the last frame.
+    let mut options = Options { fps, vpls, ..picture.film(frame.last() + 1) };
+    let settings = options.fill_in(path, &scene)?;
     memory.check(&scene, &settings)?;
     // Report unwritable outputs before rendering begins.
     for (_, path) in &pictures {
         drop(Output::create(path)?);
     }
-    if !quiet {
+    if !*quiet {
         notes::before(&scene, &settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
     }
     let frames: Vec<u32> = pictures.iter().map(|(frame, _)| *frame).collect();
     let mut begin = std::time::Instant::now();
-    let bar = progress::of_pictures(frames.len(), quiet);
+    let bar = progress::of_pictures(frames.len(), *quiet);
     Still::render_each(&scene, &settings, &frames, is_transparent, |frame, still| {
         let path = &pictures.iter().find(|(of, _)| *of == frame).expect("only these frames are rendered").1;
         still.write(path)?;
         bar.inc(1);
-        if !quiet {
+        if !*quiet {
             // Convert display codes, which begin at 0, to video codes, which begin at 16.
             let bright = notes::bright_code(still.shown.samples().iter().flatten().copied()).saturating_add(16);
             let dimness = notes::on_dimness(notes::mean_luminance(&still.radiance), &scene);

@@ -1,19 +1,18 @@
 //! Command `render2mpeg views`: pictures from many sides with their cameras.
 
 use crate::notes;
-use crate::overwrite::Overwrite;
+use crate::picture::{PictureArguments, set_plain_background};
 use crate::print::single_line;
 use crate::progress;
-use crate::source::{MemoryLimit, Reading};
 use anyhow::{Context, Result};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use pipeline::output::Output;
 use pipeline::streams::make_folder;
-use render_core::glam::Mat4;
+use render_core::glam::{Mat4, Vec3A};
 use render_core::scene::{Orbit, Scene, View};
 use render2mpeg::Options;
-use render2mpeg::settings::{Preset, Settings};
+use render2mpeg::settings::Settings;
 use render2mpeg::still::Still;
 use renderer::settings::{Aov, Size};
 use serde_json::{Value, json};
@@ -35,30 +34,10 @@ pub(crate) struct ViewsArguments {
     /// space)
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = aov())]
     aov: Vec<Aov>,
-    /// Quality preset: draft, good or final, as for films
-    #[arg(long, value_enum, value_name = "HOW")]
-    preset: Option<Preset>,
-    /// Picture size in pixels [default: 512x512]
-    #[arg(long, value_name = "WxH")]
-    size: Option<Size>,
-    /// Samples per pixel [default: 1]
-    #[arg(long, value_name = "N")]
-    samples: Option<u32>,
-    /// Options for reading the scene. The background is transparent unless a color is given.
+    /// Quality of the pictures, and options of their scene and run. The background is transparent unless a color is
+    /// given.
     #[command(flatten)]
-    reading: Reading,
-    /// Limit on memory.
-    #[command(flatten)]
-    memory: MemoryLimit,
-    /// Permission to replace files.
-    #[command(flatten)]
-    overwrite: Overwrite,
-    /// Number of threads; the result does not depend on it [default: one per processor]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
-    /// Print errors only
-    #[arg(short, long)]
-    quiet: bool,
+    pub picture: PictureArguments,
 }
 
 /// Parses the names of channels that describe surfaces.
@@ -78,27 +57,22 @@ const FPS: f64 = 25.0;
 
 /// Renders the views, and writes them with their cameras.
 pub fn run(arguments: ViewsArguments) -> Result<ExitCode> {
-    let ViewsArguments { scene: path, output, count, aov, preset, size, samples, .. } = arguments;
-    let ViewsArguments { reading, memory, overwrite, quiet, .. } = arguments;
+    let ViewsArguments { scene: path, output, count, aov, picture } = arguments;
+    let PictureArguments { reading, memory, overwrite, quiet, .. } = &picture;
     let folder = output.unwrap_or_else(|| path.file_stem().unwrap_or_default().into());
-    let mut scene = reading.load(&path)?;
+    // Views show the pose at time 0, so studio and cameras are placed for this pose.
+    let mut scene = reading.load_bare(&path)?;
+    scene.stop();
+    scene.furnish();
     let is_transparent = !reading.has_background();
     if is_transparent {
-        scene.background.get_or_insert(super::PLAIN_BACKGROUND);
+        set_plain_background(&mut scene);
     }
     scene.set_views(&orbits(count), FPS);
 
     // Check all files before rendering begins.
-    let options = Options {
-        preset,
-        size: Some(size.unwrap_or(Size { width: 512, height: 512 })),
-        samples,
-        fps: Some(FPS),
-        frames: Some(count),
-        qscale: Some(1),
-        ..Options::default()
-    };
-    let mut settings = options.clone().fill_in(path, &scene)?;
+    let mut options = Options { fps: Some(FPS), ..picture.film(count) };
+    let mut settings = options.fill_in(path, &scene)?;
     settings.render.aov.clone_from(&aov);
     memory.check(&scene, &settings)?;
     let digits = (count - 1).to_string().len().max(3);
@@ -108,13 +82,13 @@ pub fn run(arguments: ViewsArguments) -> Result<ExitCode> {
         overwrite.check(&path)?;
     }
     make_folder(&folder)?;
-    if !quiet {
+    if !*quiet {
         notes::before(&scene, &settings).iter().for_each(|note| tell!("note: {}", single_line(note)));
     }
 
     // Render the views, which share the scene's light.
     let begin = std::time::Instant::now();
-    let bar = progress::of_pictures(count as usize, quiet);
+    let bar = progress::of_pictures(count as usize, *quiet);
     let mut frames = Vec::new();
     Still::render_each(&scene, &settings, &(0..count).collect::<Vec<_>>(), is_transparent, |frame, still| {
         still.write(&folder.join(file(frame, "png")))?;
@@ -130,7 +104,7 @@ pub fn run(arguments: ViewsArguments) -> Result<ExitCode> {
     })?;
     bar.finish_and_clear();
     write_table(&table, &scene, &settings, frames)?;
-    if !quiet {
+    if !*quiet {
         tell!("{}: {count} views in {:.1} s", folder.display(), begin.elapsed().as_secs_f64());
     }
     Ok(ExitCode::SUCCESS)
@@ -151,10 +125,12 @@ fn view(scene: &Scene, settings: &Settings, frame: u32) -> View {
     scene.view(&scene.pose(settings.render.time(frame)), width, height)
 }
 
-/// Returns the camera of a view: the matrix from camera to world space, by rows, with x to the right, y up and −z along
+/// Returns the camera of a view: the matrix from camera space to the coordinates of the file, by rows, with x to the right, y up and −z along
 /// the view.
 fn entry(scene: &Scene, settings: &Settings, frame: u32) -> Value {
-    let matrix = Mat4::from(view(scene, settings, frame).world_from_camera());
+    let mut camera = view(scene, settings, frame).world_from_camera();
+    camera.translation -= Vec3A::from(scene.displacement);
+    let matrix = Mat4::from(camera);
     let rows: Vec<[f32; 4]> = (0..4).map(|row| matrix.row(row).to_array()).collect();
     json!({ "transform_matrix": rows })
 }

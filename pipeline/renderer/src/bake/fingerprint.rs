@@ -42,6 +42,7 @@ pub fn fingerprint(scene: &Scene) -> u64 {
         material_channels,
         curtains,
         sky,
+        displacement: _,
         background: _,
         ground: _,
         settings,

@@ -139,22 +139,20 @@ pub fn load_with(path: &Path, reach: Reach, set: &[Setting]) -> Result<Scene, Lo
     }
 
     // Place the scene and apply its settings.
-    scene.move_to_origin();
+    scene.displacement = scene.move_to_origin();
     scene.sky = load_sky(path, &settings, &files, set)?;
     scene.origin = files.into_origin();
-    let settings_have_sky = settings.sky.is_some();
     scene.settings = settings;
+    if let Some(target) = &mut scene.settings.camera.target {
+        *target = (Vec3::from(*target) + scene.displacement).into();
+    }
     check_camera(path, &scene)?;
     if scene.triangle_count() == 0 {
         scene.warnings.push("the scene has no surface: only the sky is visible".into());
     }
 
     // Add a default light if the scene has no light. A sky in the settings is the author's choice, even a black one.
-    let materials = scene.extreme_materials();
-    let lit = settings_have_sky
-        || !scene.punctual_lights.is_empty()
-        || scene.instances.iter().any(|i| materials[scene.meshes[i.mesh].material].is_lamp());
-    if !lit {
+    if scene.lacks_light() {
         scene.sky = Environment::gradient(Gradient::PLAIN);
         scene.warnings.push(PLAIN_SKY_NOTE.into());
     }
