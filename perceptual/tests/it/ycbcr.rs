@@ -1,7 +1,7 @@
 //! Tests of conversion to pictures for the encoder: Rec. 709 colors, chroma siting, odd sizes, invalid pixels.
 
 use perceptual::{Operator, ToneMap, YCbCr, luminance, luminance_plane, to_rgb8};
-use plane::Plane;
+use plane::{Picture, Plane};
 
 fn flat(rgb: [f32; 3]) -> YCbCr {
     YCbCr::from_radiance(&Plane::filled(6, 4, rgb), &ToneMap::srgb())
@@ -41,6 +41,26 @@ fn luma_before_rounding_starts_at_black() {
         assert!((f32::from(code) - 16.0 - luma).abs() <= 0.5001);
     }
     assert!(flat([1e6; 3]).luma.samples().iter().all(|&luma| luma == 219.0));
+}
+
+/// `Picture::from_rgb8` computes in integers. Only codes near the middle between two codes may differ, by 1.
+#[test]
+fn codes_and_their_light_give_the_same_picture() {
+    for (width, height) in [(1, 1), (1, 4), (7, 5), (64, 48)] {
+        let rgb: Vec<u8> = (0..3 * width * height).map(|i| (i * i * 37 + 11 * i) as u8).collect();
+        let light = rgb
+            .as_chunks()
+            .0
+            .iter()
+            .map(|rgb: &[u8; 3]| rgb.map(|code| ToneMap::srgb().decode(f32::from(code) / 255.0)));
+        let floats = YCbCr::from_radiance(&Plane::from_vec(width, height, light.collect()), &ToneMap::srgb()).picture;
+        let integers = Picture::from_rgb8(width, height, &rgb).expect("matching sizes");
+        for (floats, integers) in floats.planes().into_iter().zip(integers.planes()) {
+            let pairs = floats.samples().iter().zip(integers.samples());
+            assert!(pairs.clone().all(|(a, b)| a.abs_diff(*b) <= 1));
+            assert!(pairs.clone().filter(|(a, b)| a != b).count() <= floats.samples().len() / 100);
+        }
+    }
 }
 
 /// A red column at a chroma sample has the weight ½ in this sample. A red column between two chroma samples has the

@@ -21,6 +21,7 @@ pub mod matrices;
 mod picture;
 mod picture_type;
 mod plane;
+mod rgb;
 mod size_error;
 
 pub use crate::coded::Coded;
