@@ -279,10 +279,8 @@ mod tests {
             let q: [(f32, bool); 64] = std::array::from_fn(|i| quantised(c[i], steps[i], dead_zone, intra && i == 0));
             levels.set(column, row, (0..64).fold(0, |set, i| set | u64::from(q[i].1) << i));
             let back = idct(&q.map(|(c, _)| c));
-            for i in 0..64 {
-                let v = (back[i] + below[i] + 16.0).round().clamp(0.0, 255.0);
-                decoded.set(8 * column + i % 8, 8 * row + i / 8, v as u8);
-            }
+            let sum = |i: usize| (back[i] + below[i] + 16.0f32).round().clamp(0.0, 255.0) as u8;
+            decoded.set_block(column, row, &std::array::from_fn(sum));
         }
         (decoded, levels)
     }
@@ -317,10 +315,8 @@ mod tests {
                 let sigma = kappa * tolerable.get(column, row);
                 // The random numbers are uniformly distributed with a variance of 1/12.
                 let e = idct(&p.map(|p| sigma * 8.0 * (12.0 * p).sqrt() * random(&mut state)));
-                for (i, e) in e.iter().enumerate() {
-                    let (x, y) = (8 * column + i % 8, 8 * row + i / 8);
-                    wrong.set(x, y, source.get(x, y) + e);
-                }
+                let block = source.block(column, row);
+                wrong.set_block(column, row, &std::array::from_fn(|i| block[i] + e[i]));
             }
             let (other, _) = coded(&wrong, &base, quantiser_scale, intra);
             let (before, after) = (mean_square(&source, &decoded), mean_square(&source, &other));

@@ -160,6 +160,28 @@ impl<T: Copy> Plane<T> {
         }
     }
 
+    /// Replaces the samples of the 8×8 block with its upper left sample at `(8 * column, 8 * row)`. Samples of `block`
+    /// outside the plane are ignored.
+    ///
+    /// ```
+    /// use plane::Plane;
+    ///
+    /// let mut plane = Plane::filled(10, 9, 0);
+    /// plane.set_block(1, 0, &[7; 64]);
+    /// assert_eq!(plane.row(7), [0, 0, 0, 0, 0, 0, 0, 0, 7, 7]);
+    /// assert_eq!(plane.row(8), [0; 10]);
+    /// ```
+    pub fn set_block(&mut self, column: usize, row: usize, block: &[T; 64]) {
+        let (left, top) = (8 * column, 8 * row);
+        let inside = self.width.saturating_sub(left).min(8);
+        if inside == 0 {
+            return;
+        }
+        for (line, samples) in self.data.chunks_exact_mut(self.width).skip(top).zip(block.chunks_exact(8)) {
+            line[left..][..inside].copy_from_slice(&samples[..inside]);
+        }
+    }
+
     /// Number of columns and number of rows of 8×8 blocks that cover the plane.
     #[must_use]
     pub fn block_counts(&self) -> (usize, usize) {
@@ -180,5 +202,25 @@ mod tests {
         assert_eq!(corner[63], 809, "rows too");
         assert_eq!(plane.block(0, 0)[9], 101);
         assert_eq!(plane.block_counts(), (2, 2));
+    }
+
+    #[test]
+    fn blocks_written_back_give_the_same_plane() {
+        for (width, height) in [(0, 0), (1, 1), (8, 8), (7, 17), (10, 9), (16, 3), (23, 24)] {
+            let plane = Plane::from_fn(width, height, |x, y| (x + 100 * y) as i32);
+            let mut copy = Plane::filled(width, height, -1);
+            let (columns, rows) = plane.block_counts();
+            for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+                let before = copy.clone();
+                copy.set_block(column, row, &plane.block(column, row));
+                let is_inside = |x, y| (x / 8, y / 8) == (column, row);
+                let expected = |x, y| if is_inside(x, y) { plane.get(x, y) } else { before.get(x, y) };
+                assert_eq!(copy, Plane::from_fn(width, height, expected), "only the block changes");
+            }
+            assert_eq!(copy, plane);
+            copy.set_block(columns, 0, &[-1; 64]);
+            copy.set_block(0, rows, &[-1; 64]);
+            assert_eq!(copy, plane, "a block outside the plane has no effect");
+        }
     }
 }
