@@ -1,4 +1,5 @@
-//! Draws the figures of `docs/`. They are bit-identical in every run.
+//! Draws the figures of `docs/`. They are bit-identical in every run. Then writes `docs/figures.md`, which embeds all
+//! figures of the README in the documentation page.
 //!
 //! `cargo run --release -p lighttree --example figures`
 
@@ -7,7 +8,7 @@ mod room;
 
 use glam::Vec3;
 use lighttree::{BuildParams, Cluster, Emission, KeptCluster, Lambert, Light, LightTree, Scratch, Stop, luminance};
-use plot::{BLUE, GRAY, GREEN, Plot, RED, Svg};
+use plot::{BLUE, GRAY, GREEN, Plot, RED, Svg, data_uri};
 use rivals::{Method, illuminate};
 use room::{floor, params, room, unblocked};
 
@@ -31,6 +32,22 @@ fn main() {
         std::fs::write(&path, figure).unwrap_or_else(|error| panic!("{path}: {error}"));
         println!("{path}");
     }
+    let path = format!("{folder}/figures.md");
+    std::fs::write(&path, embedded(folder)).unwrap_or_else(|error| panic!("{path}: {error}"));
+    println!("{path}");
+}
+
+/// Returns a Markdown link definition for each figure of the README, with the file as a data URI.
+fn embedded(folder: &str) -> String {
+    let mut definitions = String::new();
+    for line in include_str!("../README.md").lines() {
+        let Some((label, path)) = line.strip_prefix("[figure-").and_then(|rest| rest.split_once("]: docs/")) else {
+            continue;
+        };
+        let svg = std::fs::read_to_string(format!("{folder}/{path}")).unwrap_or_else(|error| panic!("{path}: {error}"));
+        definitions += &format!("[figure-{label}]: {}\n", data_uri(&svg));
+    }
+    definitions
 }
 
 /// Returns the clusters of the lightcut at a receiver.

@@ -1,17 +1,6 @@
+// Figures as data, defined before the paths of the README: pages of rustdoc have no folder `docs`.
+#![doc = include_str!("../docs/figures.md")]
 #![doc = include_str!("../README.md")]
-//!
-//! # Figures
-//!
-//! The figures are embedded for viewers that do not display linked pictures. A lightcut:
-//!
-#![doc = include_str!("../docs/cut.svg")]
-//!
-//! Bounds and errors of the clusters of a lightcut, errors and thresholds of pixels, and the comparison of methods:
-//!
-#![doc = include_str!("../docs/bounds.svg")]
-#![doc = include_str!("../docs/errors.svg")]
-#![doc = include_str!("../docs/thresholds.svg")]
-#![doc = include_str!("../docs/methods.svg")]
 #![forbid(unsafe_code)]
 
 mod bounds; // bounds of a cluster: box and cone

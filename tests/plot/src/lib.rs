@@ -12,6 +12,18 @@ pub const GREEN: &str = "#208040";
 /// Gray, as an SVG color.
 pub const GRAY: &str = "#909090";
 
+/// Returns an SVG file as a data URI. Characters with a meaning in Markdown, HTML or URIs are percent-encoded.
+pub fn data_uri(svg: &str) -> String {
+    let mut uri = String::from("data:image/svg+xml,");
+    for byte in svg.bytes() {
+        match byte {
+            b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'.' | b',' | b'/' | b':' | b'=' => uri.push(byte.into()),
+            _ => write!(uri, "%{byte:02X}").expect("memory"),
+        }
+    }
+    uri
+}
+
 /// A drawing in pixels, with y pointing down.
 #[derive(Debug)]
 pub struct Svg {
