@@ -1,6 +1,6 @@
 //! Release files contain the versions of the workspace.
 
-use super::root;
+use super::{CRATES, root};
 use std::fs;
 
 /// Returns the text between the first `before` and the next `after` in a file of the workspace.
@@ -21,4 +21,17 @@ fn containers_are_built_with_the_oldest_rust() {
         value_in("packaging/Dockerfile", "FROM rust:", "-"),
         value_in("Cargo.toml", "\nrust-version = \"", "\"")
     );
+}
+
+#[test]
+fn every_package_has_links() {
+    for folder in CRATES {
+        let manifest = format!("{folder}/Cargo.toml");
+        let name = value_in(&manifest, "\nname = \"", "\"");
+        assert_eq!(value_in(&manifest, "\nrepository.workspace = ", "\n"), "true", "{manifest}");
+        match folder {
+            "pipeline/program" => assert_eq!(value_in(&manifest, "\ndocumentation.workspace = ", "\n"), "true"),
+            _ => assert_eq!(value_in(&manifest, "\ndocumentation = \"", "\""), format!("https://docs.rs/{name}")),
+        }
+    }
 }
