@@ -31,8 +31,8 @@
 //! ```
 //!
 //! Only integer arithmetic over fixed slices determines the stream. The same frames therefore produce the same bits on every
-//! processor and with any number of threads. The threads belong to the `rayon` pool in which `push` is called. Clause and table
-//! numbers in this crate refer to the 2000 edition.
+//! processor and with any number of threads. The threads belong to the `rayon` pool in which `push` is called. Without the
+//! feature `parallel`, the calling thread codes all slices. Clause and table numbers in this crate refer to the 2000 edition.
 #![forbid(unsafe_code)]
 
 #[macro_use]

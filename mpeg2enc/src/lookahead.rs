@@ -20,11 +20,11 @@ use crate::{
 };
 use block_search::BlockSearch;
 use cost::{intra_costs, mean_cost};
-use rayon::prelude::*;
 use std::{
     collections::{BTreeMap, VecDeque},
     sync::{Arc, OnceLock},
 };
+use threads::prelude::*;
 use waiting::{Match, TwoSided, Waiting};
 
 /// Upper bound on the number of frames of a film.

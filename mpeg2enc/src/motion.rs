@@ -16,8 +16,8 @@ use crate::{
     Effort, Picture,
     vector::{HalfSample, Range},
 };
-use rayon::prelude::*;
 use search::CROSS;
+use threads::prelude::*;
 
 /// Motion search of one picture in one reference picture.
 pub(crate) struct Estimate<'a> {

@@ -18,7 +18,7 @@ use crate::{
     quantiser_scale::nearest_code,
     vector::HalfSample,
 };
-use rayon::prelude::*;
+use threads::prelude::*;
 
 /// Numbers of macroblocks in a picture, and bits by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -38,7 +38,7 @@
 use crate::bounded;
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 use plane::{Coded, Plane, dct};
-use rayon::prelude::*;
+use threads::prelude::*;
 
 /// Quantiser steps of an encoder.
 #[derive(Clone, Debug, PartialEq)]

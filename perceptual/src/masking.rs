@@ -29,7 +29,7 @@
 use crate::bounded;
 use plane::matrices::DEFAULT_INTRA_MATRIX;
 use plane::{Plane, dct, idct};
-use rayon::prelude::*;
+use threads::prelude::*;
 
 /// Exponent of luminance masking for linear luminance \[Watson93\]. Eq. (1) multiplies it by the display gamma.
 pub const LUMINANCE_MASKING_EXPONENT: f32 = 0.649;

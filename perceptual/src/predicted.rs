@@ -13,8 +13,8 @@
 use crate::bounded;
 use crate::coded::QuantiserSteps;
 use plane::{Coded, Correspondence, NO_MATCH, Picture, Plane, dct, idct};
-use rayon::prelude::*;
 use std::sync::Arc;
+use threads::prelude::*;
 
 /// State of the simple coder between pictures.
 #[derive(Debug, Default)]

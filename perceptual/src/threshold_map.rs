@@ -24,7 +24,7 @@
 
 use crate::{MaskingModel, ToneMap, WHITE_LUMA, bounded, table::LumaDecodeTable};
 use plane::{Correspondence, LUMINANCE_WEIGHTS, Plane};
-use rayon::prelude::*;
+use threads::prelude::*;
 
 /// Minimum tolerable error relative to luminance: Weber's law at the visibility threshold, 2 % \[Herzog08, eq. 4\].
 pub const RELATIVE_FLOOR: f32 = 0.02;

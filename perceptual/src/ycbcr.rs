@@ -11,8 +11,8 @@
 
 use crate::{ToneMap, WHITE_LUMA, table::EncodeTable};
 use plane::{LUMINANCE_WEIGHTS, Picture, Plane, luminance};
-use rayon::prelude::*;
 use std::sync::Arc;
+use threads::prelude::*;
 
 /// Luma code value of black.
 const BLACK: f32 = 16.0;

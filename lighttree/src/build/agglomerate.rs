@@ -32,7 +32,7 @@
 //! * The search uses a static median-split tree. It is rebuilt whenever a quarter of its clusters have been merged
 //!   away.
 
-use rayon::prelude::*;
+use threads::prelude::*;
 
 use super::SearchLoop;
 use super::cluster::{Cluster, Metric};

@@ -75,7 +75,7 @@ fn split(items: &mut [Item], merges: &mut [[u32; 2]], first_merge: u32, metric: 
     let second = first_merge + of_left.len() as u32;
     let (large, first) = (left.len() + right.len() > PARALLEL, first_merge);
     last[0] = if large {
-        let (a, b) = rayon::join(|| split(left, of_left, first, metric), || split(right, of_right, second, metric));
+        let (a, b) = threads::join(|| split(left, of_left, first, metric), || split(right, of_right, second, metric));
         [a, b]
     } else {
         [split(left, of_left, first, metric), split(right, of_right, second, metric)]

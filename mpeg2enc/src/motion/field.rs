@@ -2,7 +2,7 @@
 
 use crate::vector::HalfSample;
 use plane::{Correspondence, NO_MATCH};
-use rayon::prelude::*;
+use threads::prelude::*;
 
 /// Vectors to try for one macroblock.
 #[derive(Clone, Copy)]

@@ -11,8 +11,8 @@ use crate::near_lossless::file::Head;
 use crate::near_lossless::residuals::Code;
 use crate::scale::LogScale;
 use crate::tiles::{Slot, TILE_SLOTS, TexelTiles, count, rank_in};
-use rayon::prelude::*;
 use std::sync::OnceLock;
+use threads::prelude::*;
 
 /// Zstandard level: the highest below the levels that require larger decoder windows.
 const LEVEL: i32 = 19;

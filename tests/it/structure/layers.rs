@@ -4,9 +4,10 @@ use super::{CRATES, root};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Crates, and names forbidden among their direct and indirect dependencies.
-const NEVER: [(&str, &[&str]); 11] = [
+const NEVER: [(&str, &[&str]); 12] = [
     ("support/lanes", &["glam", "rayon", "serde", "ranks", "plane"]),
     ("support/plane", &["glam", "rayon", "ranks", "render-core"]),
+    ("support/threads", &["plane", "lanes", "ranks", "glam", "serde"]),
     ("support/ranks", &["plane", "serde", "render-core", "pipeline", "mpi"]),
     ("support/lightfield", &["plane", "render-core", "gltf"]),
     ("lighttree", &["render-core", "perceptual", "mpeg2enc", "pipeline", "gltf"]),

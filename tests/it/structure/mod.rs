@@ -14,9 +14,10 @@ mod words;
 use std::path::{Path, PathBuf};
 
 /// Folders of the program's crates.
-const CRATES: [&str; 13] = [
+const CRATES: [&str; 14] = [
     "support/lanes",
     "support/plane",
+    "support/threads",
     "support/ranks",
     "support/lightfield",
     "lighttree",

@@ -13,7 +13,8 @@ const COUNTERS: [&str; 4] = ["Figures", "Counts", "Seconds", "Stats"];
 /// Generic types to search: a tuple among their arguments is also part of the signature.
 const WRAPPERS: [&str; 6] = ["Option", "Result", "Vec", "Box", "Arc", "Timed"];
 /// Public functions with accepted tuples of mixed types.
-const KNOWN_TUPLES: [&str; 1] = ["render-core/src/image_file/open_exr.rs write_layers"];
+const KNOWN_TUPLES: [&str; 2] =
+    ["render-core/src/image_file/open_exr.rs write_layers", "support/threads/src/sequential.rs join"];
 
 /// Public function with file, name and signature.
 struct Function {
