@@ -1,9 +1,10 @@
 """Films with --importance: CPU time and error, against five samples everywhere and the default.
 
-    python3 bench importance [--film SCENE=MAPS …] [--sheet FOLDER]
+    python3 bench importance [--film SCENE=MAPS …] [--size N] [--frames N] [--sheet FOLDER]
 
 MAPS has the syntax of `render --importance`, such as nave=saliency:1. A scene is a shipped one or a path. The films have
-128x128 pixels, 8 frames and default settings otherwise. The error of a pixel is relative and squared:
+64x64 pixels, 4 frames and default settings otherwise. Each row is printed as soon as it is measured. Rows for which five
+minutes are too short are named. The error of a pixel is relative and squared:
 
     |L − R|² / (|R|² + 0.01 · mean of |R|² over the picture)
 
@@ -11,15 +12,17 @@ R is a film with 16 samples per pixel and another seed, as films with equal seed
 pixels with importance above 0.7. CPU seconds per frame are from the report, without the first frame.
 
 With --sheet, a picture of each film is written to the folder: frame, importance, samples, and errors of the three films.
-Requires numpy, pillow and OpenEXR from PyPI. --full has 256x256 pixels.
+Requires numpy, pillow and OpenEXR from PyPI. --full has 128x128 pixels and 8 frames, as the table of the documentation.
 """
 
 import json
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import pairs
 import presets
 import references
 import tables
@@ -32,8 +35,10 @@ try:
 except ImportError as missing:
     np = missing.name
 
-FILMS = ["conference=task:1", "nave=saliency:1", "atrium=saliency:1"]
-FRAMES = 8
+# In the order of their times.
+FILMS = ["conference=task:1", "atrium=saliency:1", "nave=saliency:1"]
+QUICK = {"film": FILMS, "size": 64, "frames": 4}
+FULL = {"film": FILMS, "size": 128, "frames": 8}
 INSIDE = 0.7
 SAMPLES = 5
 
@@ -59,6 +64,8 @@ def add_options(parser):
     """Adds the options of this measurement."""
     text = "a scene and its maps; may be repeated"
     parser.add_argument("--film", action="append", metavar="SCENE=MAPS", help=text)
+    parser.add_argument("--size", type=int, help="pixels on a side [default: 64; full: 128]")
+    parser.add_argument("--frames", type=int, help="frames of a film, at least 3 [default: 4; full: 8]")
     parser.add_argument("--sheet", type=Path, metavar="FOLDER", help="where pictures of maps and errors go")
     add_program(parser)
 
@@ -71,26 +78,28 @@ def channels(path):
     return found
 
 
-def rendered(program, scene, side, words):
+def rendered(options, scene, words):
     """Renders a film with these options."""
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
         files = ["-o", folder / "film.m2v", "--report", folder / "report.json", "-q"]
         files += ["--exr", folder / "frames", "--exr-depth", "float"]
-        run([program, "render", scene, "--overwrite", "--size", f"{side}x{side}", "--frames", FRAMES, *words, *files])
+        extent = ["--size", f"{options.size}x{options.size}", "--frames", options.frames]
+        run([options.program, "render", scene, "--overwrite", *extent, *words, *files])
         frames = [channels(path) for path in sorted((folder / "frames").iterdir())]
         return Film(json.loads((folder / "report.json").read_text()), frames)
 
 
-def truth(program, scene, side):
+def truth(options, scene):
     """Returns frames with 16 samples per pixel, kept between runs."""
 
     def make(path):
-        film = rendered(program, scene, side, ["--samples", 16, "--seed", 2])
+        film = rendered(options, scene, ["--samples", 16, "--seed", 2])
         with open(path, "wb") as file:
             np.save(file, np.stack([frame["color"] for frame in film.frames]))
 
-    return np.load(references.kept(scene, [f"{side}x{side}", FRAMES, "16-samples"], ".npy", make))
+    details = [f"{options.size}x{options.size}", options.frames, "16-samples"]
+    return np.load(references.kept(scene, details, ".npy", make))
 
 
 def errors(film, true):
@@ -118,21 +127,20 @@ def sheet(films, wrong, index):
     return np.concatenate(row, axis=1)
 
 
-def measured(program, film, side, folder):
+def measured(options, film):
     """Returns the table's row for a film."""
     name, _, maps = film.partition("=")
     scene = presets.shipped(name) if "/" not in name else Path(name)
     need_files([scene])
     importance = ["--importance", maps, "--samples", SAMPLES, "--aov", "importance"]
-    options = [[], ["--samples", SAMPLES], importance]
-    true = truth(program, scene, side)
-    films = [rendered(program, scene, side, words) for words in options]
+    films = [rendered(options, scene, words) for words in ([], ["--samples", SAMPLES], importance)]
+    true = truth(options, scene)
     wrong = [errors(film, true) for film in films]
     inside = np.stack([frame["importance.V"] for frame in films[2].frames]) > INSIDE
-    if folder:
-        folder.mkdir(parents=True, exist_ok=True)
-        picture = np.round(255 * sheet(films, wrong, FRAMES - 3)).astype(np.uint8)
-        Image.fromarray(picture).save(folder / f"importance-{scene.stem}.png")
+    if options.sheet:
+        options.sheet.mkdir(parents=True, exist_ok=True)
+        picture = np.round(255 * sheet(films, wrong, options.frames - 3)).astype(np.uint8)
+        Image.fromarray(picture).save(options.sheet / f"importance-{scene.stem}.png")
 
     # Errors of the default and of importance, relative to five samples.
     seconds = [film.mean("seconds", "total") for film in films]
@@ -148,12 +156,17 @@ def main(options):
     """Prints the table."""
     if isinstance(np, str):
         raise Failure(f"{np} is missing; install it: python3 -m pip install numpy pillow OpenEXR")
-    program, side = need_program(options), 256 if options.full else 128
+    presets.fill_in(options, QUICK, FULL)
+    options.program = need_program(options)
+    if options.frames < 3:
+        raise Failure(f"{options.frames} frames are too few; use 3 or more")
     titles = ["film", "samples", "change", "default s", "five s", "importance s", "of five"]
     titles += ["inside", "error of five inside", "default's", "outside", "default's"]
     print(tables.header(titles), flush=True)
-    for film in options.film or FILMS:
+    budget = pairs.Budget(options)
+    for film, _ in budget.shares(options.film, str):
         if "=" not in film:
             raise Failure(f"{film} is no film such as nave=saliency:1")
-        print(tables.row(measured(program, film, side, options.sheet)), flush=True)
-    sys.stdout.flush()
+        begin = time.monotonic()
+        print(tables.row(measured(options, film)), flush=True)
+        budget.longest_pair = time.monotonic() - begin
