@@ -5,7 +5,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from running import RELEASE, ROOT, need_built, run
+from running import RELEASE, ROOT, built, run
 
 FOLDER = ROOT / "out" / "bench-clips"
 # Clips of --generator, in the order of the tables.
@@ -59,19 +59,19 @@ def write_often(file, out, times):
         shutil.copyfileobj(file, out)
 
 
-def example(package, name, may_build):
-    """Returns the path of an example program in release, built first if allowed."""
-    command = ["cargo", "build", "--release", "--package", package, "--example", name]
-    if may_build:
-        run(command, capture=False, folder=ROOT)
-    return need_built(RELEASE / "examples" / name, " ".join(command))
+def example(package, name, update):
+    """Returns the path of an example program in release, built if it is missing or if `update` requests its current version."""
+    command = f"cargo build --release --package {package} --example {name}"
+    if update:
+        run(command.split(), capture=False, folder=ROOT)
+    return built(RELEASE / "examples" / name, command)
 
 
-def shipped(size, frames, may_build):
+def shipped(size, frames, update):
     """Returns clips of three shipped scenes, rendered once."""
     folder = FOLDER / f"shipped-{size}-{frames}"
     if not folder.exists():
-        program = example("tests", "clips", may_build)
+        program = example("tests", "clips", update)
         print(f"rendering clips, once, beside the time of the measurement: {folder}", file=sys.stderr, flush=True)
         unfinished = FOLDER / f"unfinished-{os.getpid()}-{folder.name}"
         try:

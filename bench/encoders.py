@@ -17,7 +17,8 @@ quantiser_scale 16.
 The row "y262, published" has figures of rwillenbacher/y262 f60850e (`-quality 50 -noaq`) from another machine: five points
 over 60 frames of clips with these names.
 
-The measurement requires ffmpeg, and the example programs mpeg2enc and clips, which --full builds. mjpegtools is optional.
+The measurement requires ffmpeg. Missing programs of this project are built first; --full also updates the examples mpeg2enc
+and clips. mjpegtools is optional.
 """
 
 import concurrent.futures
@@ -33,7 +34,7 @@ import figures
 import pairs
 import presets
 import tables
-from running import Failure, add_program, need_built, need_files, need_installed, need_program, run
+from running import Failure, add_program, built_program, need_built, need_files, need_installed, run
 
 QUICK = {"points": [1, 8, 24], "rates": [500, 2000, 8000], "size": "256x256", "frames": [12], "pairs": 5}
 FULL = {"points": [2, 4, 8, 16, 31], "rates": [500, 1000, 2000, 4000, 8000], "size": "352x288", "frames": [30, 60], "pairs": 3}
@@ -164,7 +165,7 @@ def main(options):
     presets.fill_in(options, QUICK, FULL)
     need_installed("ffmpeg")
     need_files(options.clips)
-    options.program = need_program(options)
+    options.program = built_program(options)
     if options.encoder:
         need_built(options.encoder, "cargo build --release --package mpeg2enc --example mpeg2enc")
     else:

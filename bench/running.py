@@ -5,6 +5,7 @@ import resource
 import shlex
 import shutil
 import subprocess
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,11 +77,25 @@ def add_program(parser):
     parser.add_argument("--program", type=Path, default=place, help="the measured program, target/release/render2mpeg")
 
 
+def built(path, build):
+    """Returns the absolute path of a program of this project; a missing one is built first, with a message."""
+    if not Path(path).is_file():
+        print(f"building a program, once, beside the time of the measurement: {build}", file=sys.stderr, flush=True)
+        run(build.split(), capture=False, folder=ROOT)
+    return need_built(path, build)
+
+
 def need_built(path, build):
     """Returns the absolute path of a program built by cargo; a missing one fails with the build command."""
     if not Path(path).is_file():
         raise Failure(f"{path} is missing; build it: {build}")
     return Path(path).resolve()
+
+
+def built_program(options):
+    """Returns the path of the measured program. The default program is built if it is missing."""
+    default = options.program == RELEASE / "render2mpeg"
+    return built(options.program, "cargo build --release") if default else need_program(options)
 
 
 def need_program(options):
