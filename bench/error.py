@@ -23,6 +23,9 @@ Requires numpy, pillow, OpenEXR, mitsuba, pyoidn, flip-evaluator and matplotlib 
 import importlib.util
 import json
 import math
+import os
+import subprocess
+import sys
 from collections import namedtuple
 from pathlib import Path
 
@@ -41,6 +44,17 @@ PACKAGES = {
     "flip_evaluator": "flip-evaluator",
     "matplotlib": "matplotlib",
 }
+# Renders a picture with Mitsuba, and first prints the LLVM library in use where the system lists it.
+PROBE = """
+import mitsuba as mi
+mi.set_variant("llvm_ad_rgb")
+scene = mi.load_dict(mi.cornell_box())
+try:
+    print(*{line.split()[-1] for line in open("/proc/self/maps") if "libLLVM" in line}, flush=True)
+except OSError:
+    pass
+mi.render(scene, spp=1).numpy()
+"""
 FPS = 25
 # File in the folder SCENES, and the camera of our films.
 SCENES = {
@@ -85,6 +99,18 @@ def need_packages():
     missing = [package for module, package in PACKAGES.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise Failure(f"{', '.join(missing)} missing; install: python3 -m pip install {' '.join(missing)}")
+
+
+def need_llvm():
+    """Checks that Mitsuba renders with the LLVM library that it finds, in another process: an old library would abort this one."""
+    probe = subprocess.run([sys.executable, "-c", PROBE], capture_output=True, text=True)
+    if probe.returncode == 0:
+        return
+    library = probe.stdout.strip() or os.environ.get("DRJIT_LIBLLVM_PATH") or "no LLVM library"
+    lines = probe.stderr.strip().splitlines() or [f"exit code {probe.returncode}"]
+    reason = next((line for line in lines if "LLVM" in line), lines[-1])[:100]
+    remedy = "install a newer one, such as libllvm19, and set DRJIT_LIBLLVM_PATH to its libLLVM file"
+    raise Failure(f"Mitsuba cannot render with {library} ({reason}); {remedy}")
 
 
 def ours(options, scene, folder, kind):
@@ -193,6 +219,7 @@ def main(options):
     presets.fill_in(options, QUICK, FULL)
     options.program = need_program(options)
     need_packages()
+    need_llvm()
     import error_plot
 
     options.prepared = {} if options.full else {name: prepared(name, options) for name in options.only}
