@@ -71,6 +71,12 @@ impl PixelSurface {
         triangle: 0,
     };
 
+    /// Returns whether two pixels show the same surface. Emissive and dark regions of a mesh are different surfaces.
+    #[must_use]
+    pub fn shows_same(&self, other: &Self) -> bool {
+        coverage::shows(other, self)
+    }
+
     /// Returns whether the diffuse base reflects light.
     #[must_use]
     pub fn reflects(&self) -> bool {
@@ -140,7 +146,15 @@ impl GBuffer {
     /// Traces a ray through this sample of every pixel of a picture of `size` = (width, height) \[pixels\].
     pub fn trace_at(sample: PixelSample, scene: PosedScene, view: &View, size: (usize, usize)) -> Timed<Self> {
         let (shown, mut pixels) = (Shown::new(scene), Plane::filled(size.0, size.1, PixelSurface::EMPTY));
-        let camera = Camera { shown: &shown, view, sample };
+        let camera = Camera { shown: &shown, view, sample, wanted: None };
+        let traced = Timed::of(|busy| camera.trace(&mut pixels, busy));
+        traced.map(|further| further.of(Self::placed(pixels, scene.surfaces, view)))
+    }
+
+    /// Traces a ray through this sample of each `wanted` pixel. All other pixels are empty.
+    pub fn trace_wanted(sample: PixelSample, scene: PosedScene, view: &View, wanted: &Plane<bool>) -> Timed<Self> {
+        let mut pixels = Plane::filled(wanted.width(), wanted.height(), PixelSurface::EMPTY);
+        let camera = Camera { shown: &Shown::new(scene), view, sample, wanted: Some(wanted) };
         let traced = Timed::of(|busy| camera.trace(&mut pixels, busy));
         traced.map(|further| further.of(Self::placed(pixels, scene.surfaces, view)))
     }
@@ -159,7 +173,7 @@ impl GBuffer {
             return Self::trace_at(sample, scene, view, (width, height));
         }
         let shown = Shown::new(scene);
-        let camera = Camera { shown: &shown, view, sample };
+        let camera = Camera { shown: &shown, view, sample, wanted: None };
         let across = width.div_ceil(MACROBLOCK).max(1);
         let corner = |block: usize| (block % across * MACROBLOCK, block / across * MACROBLOCK);
         let blocks = in_order(across * height.div_ceil(MACROBLOCK));
@@ -280,6 +294,8 @@ struct Camera<'a> {
     shown: &'a Shown<'a>,
     view: &'a View,
     sample: PixelSample,
+    /// Pixels to trace; `None` for all.
+    wanted: Option<&'a Plane<bool>>,
 }
 
 impl Camera<'_> {
@@ -317,7 +333,9 @@ impl Camera<'_> {
         let (mut pixels, mut further) = (vec![PixelSurface::EMPTY; columns * rows], Further::default());
         for (x0, y0) in PACKET_CORNERS {
             let places = packet_places().map(|(x, y)| (x0 + x, y0 + y)).filter(|&(x, y)| x < columns && y < rows);
-            self.see_together(places.map(|(x, y)| (left + x, top + y)), |(x, y), traced| {
+            let places = places.map(|(x, y)| (left + x, top + y));
+            let wanted = places.filter(|&(x, y)| self.wanted.is_none_or(|wanted| wanted.get(x, y)));
+            self.see_together(wanted, |(x, y), traced| {
                 let index = (y * width + x) as u32;
                 pixels[(y - top) * columns + x - left] = traced.surface;
                 if traced.layers.len() > 1 {
@@ -335,7 +353,7 @@ impl Camera<'_> {
         places: impl Iterator<Item = (usize, usize)>,
         mut set: impl FnMut((usize, usize), TracedPixel),
     ) {
-        let Self { shown, view, sample } = *self;
+        let Self { shown, view, sample, .. } = *self;
         let (mut pixels, mut rays, mut count) = ([(0, 0); PACKET], [CameraRay::default(); PACKET], 0);
         for (x, y) in places {
             pixels[count] = (x, y);

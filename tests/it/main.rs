@@ -52,6 +52,7 @@ mod reprojected;
 #[cfg(target_os = "linux")]
 mod resume;
 mod rooms;
+mod samples;
 mod scale;
 mod shading_normals;
 mod still;

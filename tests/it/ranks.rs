@@ -13,7 +13,7 @@ use render2mpeg::report::Report;
 use render2mpeg::settings::Settings;
 use render2mpeg::{Error, Options, Render};
 use renderer::plan::Plan;
-use renderer::settings::Stopping;
+use renderer::settings::{SampleCount, Stopping};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -90,7 +90,7 @@ fn films_of_several_ranks_are_those_of_one() {
     let kinds: [(&str, &Path, Change); 7] = [
         ("default", &cornell(), |_| ()),
         ("a box that moves", &moving, |_| ()),
-        ("samples", &moving, |options| options.samples = Some(3)),
+        ("samples", &moving, |options| options.samples = Some(SampleCount::Each(3))),
         ("no cache", &moving, |options| (options.cache, options.frames) = ("off".parse().ok(), Some(3))),
         ("calibrated", &moving, |options| options.stopping = Some(Stopping::Calibrated)),
         ("chunks", &moving, |options| options.chunk = Some(2)),

@@ -7,6 +7,7 @@ use render_core::scene::{Camera, Material, Node, Projection, Scene, Transform};
 use render_core::{PathOptions, Still, path_traced};
 use render2mpeg::{Options, Settings};
 use renderer::plan::Plan;
+use renderer::settings::SampleCount;
 use renderer::{Preparation, Shading};
 use std::f32::consts::PI;
 
@@ -48,7 +49,7 @@ fn panel(scene: &Scene) -> [f32; 2] {
         photons: Some(200_000),
         size,
         frames: Some(1),
-        samples: Some(1),
+        samples: Some(SampleCount::Each(1)),
         ..Options::default()
     };
     let mut settings = Settings::new("floor.glb".into(), scene, &options).expect("right settings").render;

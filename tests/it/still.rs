@@ -40,7 +40,12 @@ fn a_still_is_the_frame_of_a_film() {
     let folder = folder.path();
     run(folder, &format!("still room.glb {SMALL} --samples 1"));
     run(folder, &format!("still room.glb {SMALL} --samples 1 --frame 20 -o late.png"));
-    render(folder, "film", &folder.join("room.glb"), &format!("{SMALL} --qscale 1 --frames 21 --png frames"));
+    render(
+        folder,
+        "film",
+        &folder.join("room.glb"),
+        &format!("{SMALL} --samples 1 --qscale 1 --frames 21 --png frames"),
+    );
     let (first, late) = (png(&folder.join("frames/frame_00000.png")), png(&folder.join("frames/frame_00020.png")));
     assert!(difference(&png(&folder.join("room.png")), &first) < 0.01, "the first frame is lit alike");
     // A film's later frames reuse light of previous frames, and the exposure comes from a smaller picture.
@@ -131,7 +136,7 @@ fn presets_fill_in_what_is_left_open() {
     let printed = |words: &str| run(folder, &format!("render room.glb --print-config {words}")).stdout;
     for (words, lines) in [
         ("--preset draft", &["size = \"256x256\"", "qscale = 16", "effort = \"fast\""][..]),
-        ("--preset good", &["size = \"512x512\"", "qscale = 8", "samples = 1"]),
+        ("--preset good", &["size = \"512x512\"", "qscale = 8", "samples = \"auto\""]),
         ("--preset final", &["size = \"1024x1024\"", "qscale = 4", "samples = 4", "effort = \"best\""]),
         ("--preset final --samples 2", &["samples = 2", "qscale = 4"]),
     ] {

@@ -11,7 +11,7 @@ use render_core::scene::Scene;
 use render2mpeg::settings::{Settings, Switch};
 use render2mpeg::{Options, Render, Report};
 use renderer::plan::Plan;
-use renderer::settings::Thresholds;
+use renderer::settings::{SampleCount, Thresholds};
 use renderer::{SimulatedFrame, SimulatedRanks};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -130,10 +130,12 @@ fn ranks_that_take_tiles_make_the_picture_of_one_that_takes_none() {
     type Change = fn(&mut Options);
     fn larger(options: &mut Options) {
         (options.frames, options.size, options.vpls, options.photons) = (Some(2), "128x96".parse().ok(), None, None);
+        // Tiled frames have one sample.
+        options.samples = Some(SampleCount::Each(1));
     }
     let kinds: [Change; 2] = [larger, |options| {
         larger(options);
-        (options.importance, options.samples) = ("saliency:1".parse().ok(), Some(3));
+        (options.importance, options.samples) = ("saliency:1".parse().ok(), Some(SampleCount::Each(3)));
     }];
     for scene in scenes(folder.path()) {
         for change in kinds {

@@ -34,9 +34,16 @@ pub struct Still {
 
 /// Returns the automatic exposure for a picture without its background.
 fn exposure_of_surfaces(frame: &Frame, shaded: &Shaded) -> f32 {
-    // Omit pixels at outlines, which contain light of the background.
-    let mut is_surface: Vec<bool> = frame.seen.pixels.samples().iter().map(|pixel| pixel.instance != NOTHING).collect();
-    shaded.outlines.iter().for_each(|outline| is_surface[outline.pixel] = false);
+    let pixels = &frame.seen.pixels;
+    let mut is_surface: Vec<bool> = pixels.samples().iter().map(|pixel| pixel.instance != NOTHING).collect();
+    // Omit pixels at outlines next to the background, which contain its light.
+    for outline in &shaded.outlines {
+        let (x, y) = (outline.pixel % pixels.width(), outline.pixel / pixels.width());
+        let rows = y.saturating_sub(1)..pixels.height().min(y + 2);
+        let columns = x.saturating_sub(1)..pixels.width().min(x + 2);
+        let mut around = rows.flat_map(|v| columns.clone().map(move |u| pixels.row(v)[u].instance));
+        is_surface[outline.pixel] &= around.all(|instance| instance != NOTHING);
+    }
     let luminances = luminance_plane(&shaded.radiance);
     let pixels = luminances.samples().iter().zip(is_surface);
     let of_surfaces: Vec<f32> = pixels.filter(|(_, is_surface)| *is_surface).map(|(&y, _)| y).collect();

@@ -15,7 +15,7 @@ pub const RENDER: &str = "Examples:
   render2mpeg render scene.glb -o film.mkv --also film.mp4      H.264 too, with ffmpeg, for any player and browser
   render2mpeg render scene.glb -o - | mpv -                     into another program
   render2mpeg render scene.glb -o film.mpg --resume             continue an interrupted run
-  render2mpeg render scene.glb --samples 4                      smooth edges, for final output
+  render2mpeg render scene.glb --samples 4                      smooth textures, for final output
   render2mpeg render scene.glb --preset draft --every 4         a preview that plays four times as fast
   render2mpeg render scene.glb --from 100 --to 200              only these frames of the scene
   render2mpeg render scene.glb --set exposure=1.5               overrides scene.toml

@@ -7,7 +7,7 @@ use render_core::glam::Vec3;
 use render_core::scene::Scene;
 use render2mpeg::Options;
 use render2mpeg::settings::Preset;
-use renderer::settings::Size;
+use renderer::settings::{SampleCount, Size};
 
 /// Quality of pictures, and options of their scene and run.
 #[derive(Args)]
@@ -18,10 +18,10 @@ pub(crate) struct PictureArguments {
     /// Picture size in pixels [default: 512x512 pixels in the camera's shape, such as 682x384]
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
-    /// Samples per pixel: 4 smooths textures and highlights; outlines are smooth with 1 [default: 1, or 4 with --preset
-    /// final]
-    #[arg(long, value_name = "N")]
-    samples: Option<u32>,
+    /// SampleCount per pixel: "auto" has 1, and 4 or 8 where light changes within a pixel; N has N everywhere [default:
+    /// auto, or 4 with --preset final]
+    #[arg(long, value_name = "auto|N")]
+    samples: Option<SampleCount>,
     /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     pub reading: Reading,

@@ -9,7 +9,7 @@
 
 use super::{Preparation, Shading};
 use crate::plan::{Plan, lamp_moves};
-use crate::settings::{RenderSettings, Size};
+use crate::settings::{RenderSettings, SampleCount, Size};
 use perceptual::luminance_plane;
 use pipeline::exposure::{exposure_for, exposure_for_luminances};
 use pipeline::stage::{LastThresholds, Shade};
@@ -48,7 +48,7 @@ pub fn exposure_of_first_frame(
         frames: 1,
         end: 1,
         chunk: None,
-        samples: 1,
+        samples: SampleCount::Each(1),
         importance: None,
         aov: Vec::new(),
         ..preparation.settings().clone()

@@ -22,6 +22,8 @@ use glam::Vec3;
 use plane::Plane;
 use search::{Search, SearchedPixel, Wanted};
 
+pub(super) use borrow::shows;
+
 /// Surfaces in each pixel of a picture, and the fraction of the pixel's area that each surface covers.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -54,6 +56,8 @@ struct Mixed {
 pub struct SurfaceFragment {
     /// Fraction of the pixel's area that the region covers. The fractions of a pixel sum to 1.
     pub share: f32,
+    /// Whether the light comes from a different surface with a similar normal.
+    pub is_borrowed: bool,
     /// Index of the pixel that provides the light, in raster order.
     pixel: u32,
     tint: Vec3,

@@ -50,7 +50,7 @@ impl GBuffer {
     }
 
     /// Returns whether a pixel has several layers at its center.
-    pub(crate) fn is_layered(&self, pixel: usize) -> bool {
+    pub fn is_layered(&self, pixel: usize) -> bool {
         !self.layers(pixel).is_empty()
     }
 }

@@ -5,7 +5,8 @@ use glam::{Affine3A, Quat, Vec2, Vec3, vec3};
 use plane::Plane;
 use render_core::scene::{Gradient, Material, Projection, Scene, View};
 use render_core::{
-    Coverage, Environment, GBuffer, Geometry, NOTHING, PixelSample, PosedScene, Surfaces, luminance, sample_offsets,
+    Coverage, Environment, GBuffer, Geometry, NOTHING, PixelSample, PixelSurface, PosedScene, Surfaces, luminance,
+    sample_offsets,
 };
 
 const SIZE: usize = 96;
@@ -178,4 +179,26 @@ fn thin_things_before_bright_ones_are_those_of_64_samples() {
     );
     // The sky is a region like any other. The test has sky on both sides of a bar.
     assert!(seen.pixels.samples().iter().any(|pixel| pixel.instance == NOTHING));
+}
+
+/// Traces some pixels of a picture, and compares them with the whole picture.
+#[test]
+fn wanted_pixels_are_traced_as_in_the_whole_picture() {
+    let scene = cards();
+    let pose = scene.pose(0.0);
+    let (surfaces, accelerator) = (Surfaces::new(&scene, &pose), Geometry::new(&scene).place(&pose));
+    let scene = PosedScene::new(&accelerator, &surfaces);
+    let wanted = Plane::from_fn(SIZE, SIZE, |x, y| (x * 7 + y * 3) % 5 == 0 && y != 9);
+    for projection in [Projection::Perspective { yfov: 0.9 }, Projection::Orthographic { ymag: 1.7 }] {
+        let view = View::new(Affine3A::IDENTITY, projection, SIZE, SIZE);
+        let sample = PixelSample::one_of(4, Vec2::new(0.3, 0.8));
+        let whole = GBuffer::trace_at(sample, scene, &view, (SIZE, SIZE)).value;
+        let some = GBuffer::trace_wanted(sample, scene, &view, &wanted).value;
+        for ((own, all), &wanted) in some.pixels.samples().iter().zip(whole.pixels.samples()).zip(wanted.samples()) {
+            assert_eq!(own, if wanted { all } else { &PixelSurface::EMPTY });
+        }
+        for index in 0..SIZE * SIZE {
+            assert_eq!(some.is_layered(index), wanted.samples()[index] && whole.is_layered(index));
+        }
+    }
 }

@@ -1,6 +1,7 @@
 //! Command-line arguments.
 
 use render2mpeg::Options;
+use renderer::settings::SampleCount;
 use std::path::PathBuf;
 
 /// The scene and options of the film, and the requested figure.
@@ -51,7 +52,7 @@ impl Arguments {
             match name.as_str() {
                 "--size" => options.size = Some(value.parse().map_err(|error| format!("--size {value}: {error}"))?),
                 "--frames" => options.frames = Some(number()?),
-                "--samples" => options.samples = Some(number()?),
+                "--samples" => options.samples = Some(SampleCount::Each(number()?)),
                 "--importance" => options.importance = Some(value.parse().map_err(|error| format!("{error}"))?),
                 "--tiles" if value == "first-frame" => arguments.figure = Figure::FirstFrame,
                 "--tiles" if value == "walk" => arguments.figure = Figure::Walk,

@@ -6,7 +6,9 @@ use super::emphasis::AdaptiveQuantiser;
 use super::preset::Preset;
 use super::values::{BitRate, ExrDepth, Switch, size_as_text};
 use mpeg2enc::Effort;
-use renderer::settings::{Aov, Importance, Lighting, PixelShading, Size, Stopping, Thresholds, TileSettings};
+use renderer::settings::{
+    Aov, Importance, Lighting, PixelShading, SampleCount, Size, Stopping, Thresholds, TileSettings,
+};
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::PathBuf;
 
@@ -161,10 +163,10 @@ pub struct Options {
     #[cfg_attr(feature = "clap", arg(long, value_name = "HOW", help_heading = "Research", hide_short_help = true))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tiles: Option<TileSettings>,
-    /// Samples per pixel: 1 is fast, 4 smooths edges; with --importance, the maximum [default: 1; 5 with
-    /// --importance]
-    #[cfg_attr(feature = "clap", arg(long, value_name = "N", help_heading = "Quality"))]
-    pub samples: Option<u32>,
+    /// SampleCount per pixel: "auto" has 1, and 4 or 8 where light changes within a pixel; N has N everywhere, or at most N
+    /// with --importance [default: auto; 5 with --importance, 1 with --tiles or --antialiasing off]
+    #[cfg_attr(feature = "clap", arg(long, value_name = "auto|N", help_heading = "Quality"))]
+    pub samples: Option<SampleCount>,
     /// Blend the surfaces that meet in a pixel at outlines; --samples above 1 blends everywhere [default: on]
     #[cfg_attr(
         feature = "clap",

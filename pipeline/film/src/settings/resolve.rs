@@ -14,18 +14,17 @@ use lighttree::Calibration;
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings, SettingsError};
 use renderer::settings::{
-    Aov, Lighting, MOVING_ANCHORS, PixelShading, RenderSettings, Size, Stopping, Thresholds, photons_per_anchor,
+    Aov, Lighting, MOVING_ANCHORS, PixelShading, RenderSettings, SampleCount, Size, Stopping, Thresholds,
+    photons_per_anchor,
 };
 use std::path::{Path, PathBuf};
 
 /// Default of `--importance-gain` (ours): maximum factor by which importance lowers or raises thresholds.
 const IMPORTANCE_GAIN: f32 = 2.0;
 /// Number of samples of the most important pixels \[Debattista05, 4.2\].
-const IMPORTANT_SAMPLES: u32 = 5;
+const IMPORTANT_SAMPLES: SampleCount = SampleCount::Each(5);
 /// Divisor of the number of anchor lights for drafts.
 const DRAFT_SHARE: usize = 4;
-/// Maximum number of samples per pixel.
-const MOST_SAMPLES: u32 = 64;
 /// κ of [`perceptual::Feedback::with_kappa`] (ours). Compared with lightcuts at 2 %, κ = 1 reduces the PSNR of decoded
 /// luma by 0.4 dB (`cornell`, quantiser_scale 48, 512×512, 16 frames). With κ = 1/4 the loss is below 0.1 dB.
 const KAPPA: f32 = 0.25;
@@ -62,10 +61,7 @@ impl Options {
         let (thresholds, kappa) = self.fill_in_thresholds()?;
         let (stopping, within) = self.fill_in_stopping()?;
         self.fill_in_importance(&path, scene)?;
-        let samples = *self.samples.get_or_insert(if self.importance.is_some() { IMPORTANT_SAMPLES } else { 1 });
-        if !(1..=MOST_SAMPLES).contains(&samples) {
-            fail!("--samples {samples} must be in 1..={MOST_SAMPLES}; 1 is fast, 4 smooths edges");
-        }
+        let samples = self.fill_in_samples()?;
         if self.bounces == Some(0) {
             fail!("--bounces 0: unreflected light shows only lamps; 1 is direct light only");
         }
@@ -163,6 +159,21 @@ impl Options {
         }
     }
 
+    /// Fills in the number of samples. Pixels have further samples of their own unless another option chooses samples.
+    fn fill_in_samples(&mut self) -> Result<SampleCount> {
+        let is_plain = self.tiles.is_some() || self.antialiasing == Some(Switch::Off);
+        let usual = match &self.importance {
+            Some(_) => IMPORTANT_SAMPLES,
+            None if is_plain => SampleCount::Each(1),
+            None => SampleCount::Auto,
+        };
+        let samples = *self.samples.get_or_insert(usual);
+        if samples == SampleCount::Auto && (self.importance.is_some() || self.tiles.is_some()) {
+            fail!("--samples auto needs the light of a whole frame; drop --importance and --tiles, or give a number");
+        }
+        Ok(samples)
+    }
+
     /// Fills in a preset's values for options that are not set.
     fn fill_in_preset(&mut self, preset: Preset, scene: &Scene) {
         // Set only missing options, because explicit options override the preset.
@@ -177,7 +188,7 @@ impl Options {
             Preset::Final => {
                 self.size.get_or_insert_with(|| Size::of_camera(scene, 1024));
                 self.qscale.get_or_insert(4);
-                self.samples.get_or_insert(4);
+                self.samples.get_or_insert(SampleCount::Each(4));
                 self.effort.get_or_insert(Effort::Best);
             }
         }

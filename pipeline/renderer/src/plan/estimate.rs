@@ -69,8 +69,8 @@ impl Costs {
     pub(super) fn of(scene: &Scene, settings: &RenderSettings, area_lights: usize) -> Self {
         let Size { width, height } = settings.size;
         Self {
-            pixels: (width * height) as f64 * f64::from(settings.samples),
-            samples: f64::from(settings.samples),
+            pixels: (width * height) as f64 * f64::from(settings.samples.most()),
+            samples: f64::from(settings.samples.most()),
             photons: settings.photons as f64,
             lights: settings.vpls as f64,
             triangles: scene.triangle_count() as f64,

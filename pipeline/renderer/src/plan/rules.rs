@@ -2,7 +2,7 @@
 
 use super::facts::Facts;
 use super::stage::{Stage, State};
-use crate::settings::{Lighting, PixelShading, Thresholds};
+use crate::settings::{Lighting, PixelShading, SampleCount, Thresholds};
 
 /// A possible decision about a stage, with its condition.
 struct Rule {
@@ -119,6 +119,14 @@ const TABLE: [(Stage, &[Rule]); Stage::ALL.len()] = [
             off(|f| f.has_samples_everywhere(), "every pixel has several samples"),
             off(|f| !f.settings.antialiasing, LEFT_OUT),
             otherwise(State::On, "outlines cross pixels"),
+        ],
+    ),
+    (
+        Stage::FineSamples,
+        &[
+            off(|f| f.has_samples_everywhere(), "every pixel has several samples"),
+            on(|f| f.settings.samples == SampleCount::Auto, "light may change within a pixel"),
+            otherwise(State::Off, LEFT_OUT),
         ],
     ),
     (Stage::Deformation, &[any(|f| f.deforming, "deforming surfaces"), otherwise(State::Off, "no surface deforms")]),
@@ -269,7 +277,7 @@ impl Facts<'_> {
 
     /// Returns whether every pixel has several samples. Frames do not share those samples.
     fn has_samples_everywhere(&self) -> bool {
-        self.settings.samples > 1 && self.settings.importance.is_none()
+        self.settings.samples.most() > 1 && self.settings.importance.is_none()
     }
 
     /// Returns whether light is reflected at most once on its way to the viewer.

@@ -22,6 +22,8 @@ pub enum Stage {
     PrimaryRays,
     /// Rays to all surfaces in pixels that outlines cross.
     Antialiasing,
+    /// Further samples of pixels in which light changes.
+    FineSamples,
     /// Deformation by skins and morph targets.
     Deformation,
     /// Indirect light of surfaces.
@@ -44,7 +46,7 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in the order of the plan.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Anchors,
         Self::ObjectPlacing,
         Self::Photons,
@@ -53,6 +55,7 @@ impl Stage {
         Self::DynamicAnchors,
         Self::PrimaryRays,
         Self::Antialiasing,
+        Self::FineSamples,
         Self::Deformation,
         Self::Indirect,
         Self::BakedLight,
@@ -76,6 +79,7 @@ impl Stage {
             Self::DynamicAnchors => "anchor lights on moving objects",
             Self::PrimaryRays => "primary rays and motion",
             Self::Antialiasing => "antialiasing",
+            Self::FineSamples => "fine samples",
             Self::Deformation => "skins and morph targets",
             Self::Indirect => "indirect light",
             Self::BakedLight => "baked light",

@@ -2,11 +2,13 @@
 
 mod importance;
 mod importance_files;
+mod samples;
 mod tiles;
 mod values;
 
 pub use importance::Importance;
 pub use importance_files::ImportanceFiles;
+pub use samples::SampleCount;
 pub(crate) use tiles::TILES_PER_RANK;
 pub use tiles::{RecordSharing, TileCost, TileSettings};
 pub use values::{Aov, Lighting, PixelShading, Size, Stopping, Thresholds, parsed};
@@ -56,8 +58,8 @@ pub struct RenderSettings {
     pub tone_map: ToneMap,
     /// Whether the film sets the exposure of its tone curve automatically.
     pub auto_exposure: bool,
-    /// Maximum number of visibility and light samples per pixel.
-    pub samples: u32,
+    /// Number of visibility and light samples per pixel.
+    pub samples: SampleCount,
     /// Whether pixels that outlines cross blend all surfaces in their area.
     pub antialiasing: bool,
 
@@ -131,7 +133,7 @@ impl Default for RenderSettings {
             tiles: None,
             tone_map: ToneMap::default(),
             auto_exposure: true,
-            samples: 1,
+            samples: SampleCount::Auto,
             antialiasing: true,
             lighting: Lighting::Lightcuts,
             cache: true,

@@ -4,10 +4,11 @@ use super::all_lights::AllLights;
 use super::cached::Cached;
 use super::coats::{Coats, ReprojectedCoats};
 use super::direct::Direct;
+use super::fine::FirstSample;
 use super::layer::{Layer, Lit, RegionLayer, Visible};
-use super::lit_frame::Sample;
 use super::per_pixel::PerPixel;
 use super::reprojected::{Reprojectable, Reprojected};
+use super::sample::Sample;
 use super::tolerance::Tolerance;
 use crate::frame::Frame;
 use crate::plan::{Plan, Stage};
@@ -47,9 +48,11 @@ impl Layers {
         let mut indirect: Vec<Box<dyn Layer>> = Vec::new();
         if !plan.is_off(Stage::Indirect) {
             indirect.push(match settings.lighting {
-                _ if plan.is_on(Stage::Cache) => {
-                    reprojected_if(carries && !is_baked, Cached::new(plan, settings.samples, ranks.clone()), settings)
-                }
+                _ if plan.is_on(Stage::Cache) => reprojected_if(
+                    carries && !is_baked,
+                    Cached::new(plan, settings.samples.most(), ranks.clone()),
+                    settings,
+                ),
                 Lighting::AllLights => Box::new(AllLights::new(compensates)),
                 // Store sizes of lightcuts if several ranks share the work: each counts only its own, but an observer
                 // may request all.
@@ -75,6 +78,30 @@ impl Layers {
         let dark = Plane::filled(direct.width(), direct.height(), Vec3::ZERO);
         let indirect = of_indirect.shown(matte, dark);
         (Sample { direct, indirect }, [of_direct, of_indirect])
+    }
+
+    /// Lights the `wanted` surfaces of a further sample. Direct light is computed. Indirect light varies slowly: surfaces
+    /// have the irradiance of a nearby pixel's `first` sample.
+    pub fn further_sample(
+        &mut self,
+        visible: &Visible,
+        wanted: &Plane<bool>,
+        tolerance: &Tolerance,
+        first: &FirstSample,
+    ) -> (Sample, Lit) {
+        // Compute direct light, and the light of smooth coats. Rough coats would show the noise of their few rays.
+        let (bases, coats) = self.direct.split_at_mut(1);
+        let (mut of_direct, direct) = sum_of(bases, visible, Some(wanted), tolerance);
+        let [smooth, rough] = first.by_coat(visible.surfaces, wanted);
+        let after_bases = Visible { radiance: &direct, ..*visible };
+        let (of_coats, mut direct) = match smooth.samples().contains(&true) {
+            true => sum_of(coats, &after_bases, Some(&smooth), tolerance),
+            false => (Lit::default(), direct.clone()),
+        };
+        of_direct.add_counts(of_coats);
+        first.add_coats(visible.surfaces, &rough, &mut direct);
+        let indirect = first.indirect_of(visible.matte, wanted);
+        (Sample { direct, indirect }, of_direct)
     }
 
     /// Begins a frame that is lit region by region.

@@ -1,7 +1,9 @@
 //! Light of a frame, which later frames reuse while nothing changes.
 
+use super::fine::FinePixels;
 use super::importance::ImportanceMap;
 use super::layer::Lit;
+use super::sample::Sample;
 use crate::frame::Frame;
 use glam::Vec3;
 use lighttree::LightTree;
@@ -13,27 +15,12 @@ use render_core::{
 };
 use std::sync::Arc;
 
-/// Light of all pixels at one sample position each, before outlines are blended \[W·m⁻²·sr⁻¹\].
-#[derive(serde::Serialize, serde::Deserialize)]
-pub(super) struct Sample {
-    /// Emitted light, and light reflected directly from its source.
-    pub direct: Plane<Vec3>,
-    /// All light except emitted light and light reflected directly from its source.
-    pub indirect: Plane<Vec3>,
-}
-
-impl Sample {
-    /// Returns the sum of direct and indirect light.
-    pub fn whole(&self) -> Plane<Vec3> {
-        let Self { direct, indirect } = self;
-        Plane::from_fn(direct.width(), direct.height(), |x, y| direct.get(x, y) + indirect.get(x, y))
-    }
-}
-
 /// Stored light of a frame, from which a static film continues.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub(super) struct StoredLight {
     pub samples: Vec<Sample>,
+    /// Pixels with further samples of their own.
+    pub fine: Option<FinePixels>,
     /// Surfaces of pixels that outlines cross, if outlines are blended.
     pub coverage: Option<Coverage>,
     /// Transparent layers within pixels, per sample, if every pixel has several samples.
@@ -67,25 +54,30 @@ impl StoredLight {
         let blended = self.coverage.as_ref().map(|coverage| triples(blend(coverage, &of(&self.samples[0]))));
 
         // Average the samples of each pixel; importance varies their number.
-        match (&self.importance, blended) {
+        let mut picture = match (&self.importance, blended) {
             (Some(map), blended) => {
                 let alone = blended.as_ref().unwrap_or(&planes[0]);
                 reconstruct_counted(alone, &planes, &places, &map.samples)
             }
             (None, Some(blended)) => blended,
             (None, None) => reconstruct(&planes, &places),
+        };
+        if let Some(fine) = &self.fine {
+            fine.put(&of, &mut picture);
         }
+        picture
     }
 
     /// Returns the light of all surfaces in pixels that outlines cross. Displays need it even with further samples,
     /// because the filter would spread bright light over thin objects.
     pub fn outlines(&self) -> Vec<Outline> {
-        let Some(coverage) = &self.coverage else { return Vec::new() };
+        let mut outlines: Vec<Outline> = self.fine.iter().flat_map(FinePixels::outlines).collect();
+        let Some(coverage) = &self.coverage else { return outlines };
         let light = self.samples[0].whole();
-        let mut outlines = Vec::new();
         for pixel in coverage.pixels() {
             // Omit transparent layers: a lamp behind glass outshines the glass.
-            if pixel.is_layered {
+            let is_fine = self.fine.as_ref().is_some_and(|fine| fine.contains(pixel.index));
+            if pixel.is_layered || is_fine {
                 continue;
             }
             let mut parts = Vec::new();

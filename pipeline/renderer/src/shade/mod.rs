@@ -14,7 +14,8 @@
 //! | `audits`, `counts` | errors measured by recomputing light, and counts of the work |
 //! | `visibility`, `movement`, `macroblock`, `pixel` | rays, moving objects, and pixels as layers process them |
 //! | `gradient_sum` | sums of light with derivatives |
-//! | `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as frames, channels and bytes |
+//! | `fine`, `further` | further samples of pixels in which light changes |
+//! | `sample`, `samples`, `lit_frame`, `channels`, `mattes`, `state` | the result, as frames, channels and bytes |
 
 mod all_lights;
 mod audits;
@@ -25,6 +26,8 @@ mod channels;
 mod coats;
 mod counts;
 mod direct;
+mod fine;
+mod further;
 mod gradient_sum;
 mod importance;
 mod layer;
@@ -36,6 +39,7 @@ mod movement;
 mod per_pixel;
 mod pixel;
 mod reprojected;
+mod sample;
 mod samples;
 mod state;
 mod tiles;
@@ -65,7 +69,7 @@ use layer::KnownLight;
 use layer::add_ranks;
 use layers::Layers;
 use lighttree::Calibration;
-use lit_frame::{LitFrame, Reused, Sample, StoredLight};
+use lit_frame::{LitFrame, Reused, StoredLight};
 use movement::{InstancePose, Movement};
 use pipeline::chunks::begins_chunk;
 use pipeline::error::Result;
@@ -75,6 +79,7 @@ use plane::Plane;
 use render_core::image_file::FrameHeader;
 use render_core::ranks::{Alone, Ranks};
 use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSample, PosedScene, sample_offsets};
+use sample::Sample;
 use samples::{Common, SampleSurfaces, SamplesLight};
 use std::sync::Arc;
 use tiles::Tiling;
@@ -262,6 +267,9 @@ impl Shading<'_> {
 
         // Assemble the frame and its channels.
         let radiance = lit.light.picture(|sample| sample.whole(), Coverage::blend);
+        if let Some(fine) = &lit.light.fine {
+            figures.samples_mean = Some(fine.mean_count(radiance.samples().len()));
+        }
         let importance = lit.light.importance.as_ref();
         if let (Some(looking), Some(map)) = (&mut self.looking, importance) {
             put_importance(map, looking.change(map, prepared.correspondence.as_deref()), &mut figures);
@@ -309,8 +317,9 @@ impl Shading<'_> {
     fn instance_shares(&self, frame: &Frame, busy: &Busy) -> Option<InstanceShares> {
         let RenderSettings { aov, samples, antialiasing, .. } = &self.settings;
         let is_wanted = aov.iter().any(|aov| matches!(aov, Aov::CryptoObject | Aov::CryptoMaterial));
-        let has_edges = *antialiasing || *samples > 1;
-        let rays = if has_edges { MATTE_RAYS.max(*samples as usize) } else { 1 };
+        let most = samples.most() as usize;
+        let has_edges = *antialiasing || most > 1;
+        let rays = if has_edges { MATTE_RAYS.max(most) } else { 1 };
         let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
         is_wanted.then(|| busy.take(frame.seen.instance_shares(scene, rays)))
     }
@@ -352,7 +361,7 @@ impl Shading<'_> {
         let known = None;
         let common = Common { movement: &movement, known, ranks: &*ranks };
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
-        for sample in 0..self.settings.samples as usize {
+        for sample in 0..self.settings.samples.most() as usize {
             // After the first sample, select the pixels by importance.
             let wanted = lit.importance.as_ref().filter(|_| sample > 0).map(|map| map.wanted(sample));
             if wanted.as_ref().is_some_and(|wanted| !wanted.samples().contains(&true)) {
@@ -362,10 +371,11 @@ impl Shading<'_> {
             // Light the surfaces of this sample by all layers.
             let of_sample = self.surfaces(frame, sample, &lit.visibility);
             let visible = of_sample.visible(prepared, sample, common);
-            let (light, [of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
+            let (light, [mut of_direct, of_indirect]) = self.layers.sample(&visible, wanted.as_ref(), tolerance);
 
             // Derive importance from the first sample if no map was available before lighting.
             if sample == 0 {
+                lit.coats = of_direct.radiance.take();
                 lit.reused = Reused::new([&of_direct, &of_indirect], visible.matte);
                 if let Some(looking) = self.looking.as_mut().filter(|_| lit.importance.is_none()) {
                     let cut_sizes = looking.weighs_costs().then(|| self.layers.channel(Aov::CutSize, frame)).flatten();
@@ -379,6 +389,10 @@ impl Shading<'_> {
             lit.direct.add_counts(of_direct);
             lit.indirect.add_counts(of_indirect);
         }
+        if self.plan.is_on(Stage::FineSamples) {
+            lit.coverage = self.coverage(frame, &lit.samples[0], false, &lit.visibility);
+            self.light_finer(prepared, common, tolerance, &mut lit);
+        }
         lit.places = movement.places;
         self.finished(prepared, lit, figures)
     }
@@ -391,7 +405,7 @@ impl Shading<'_> {
     /// Returns the surfaces of a sample, and adds the CPU time of finding them to `visibility`.
     fn surfaces<'f>(&self, frame: &'f Frame, sample: usize, visibility: &Busy) -> SampleSurfaces<'f> {
         // Use the G-buffer for the only sample, or for the first sample with importance.
-        let offsets = sample_offsets(self.settings.samples as usize);
+        let offsets = sample_offsets(self.settings.samples.most() as usize);
         let is_center = offsets.len() == 1 || sample == 0 && self.looking.is_some();
         let seen = &*frame.seen;
         let own = (!is_center).then(|| {
@@ -401,7 +415,13 @@ impl Shading<'_> {
             visibility.take(GBuffer::trace_among(place, scene, &seen.view, size, &*self.sharing()))
         });
 
+        self.surfaces_of(frame, own)
+    }
+
+    /// Returns the surfaces of a sample at its `own` positions, or else at the pixel centers.
+    fn surfaces_of<'f>(&self, frame: &'f Frame, own: Option<GBuffer>) -> SampleSurfaces<'f> {
         // Replace the albedo of coated surfaces: coats are a separate layer of light.
+        let seen = &*frame.seen;
         let below =
             self.plan.is_on(Stage::Gloss).then(|| coats::below_coats(own.as_ref().unwrap_or(seen), &frame.surfaces));
         let matte = below.as_ref().or(own.as_ref()).unwrap_or(seen);
@@ -417,11 +437,24 @@ impl Shading<'_> {
         (sample, light): (usize, &Sample),
         lit: &mut SamplesLight,
     ) {
-        let offsets = sample_offsets(self.settings.samples as usize);
+        let offsets = sample_offsets(self.settings.samples.most() as usize);
         if offsets.len() > 1 && self.looking.is_none() {
             let place = PixelSample::one_of(offsets.len(), offsets[sample]);
             lit.layers.push(surfaces.layers(prepared, place, light, &lit.visibility));
         }
+    }
+
+    /// Finds outlines that are visible, by comparing the `first` light on both sides, and layers in pixels without
+    /// layers per sample.
+    fn coverage(&self, frame: &Frame, first: &Sample, has_layers: bool, visibility: &Busy) -> Option<Coverage> {
+        let Frame { accelerator, surfaces, seen, .. } = frame;
+        let scene = PosedScene::new(accelerator, surfaces);
+        if self.plan.is_on(Stage::Antialiasing) {
+            return Some(visibility.take(Coverage::of(seen, scene, &first.whole())));
+        }
+        let is_layered = !has_layers && !seen.layered.is_empty();
+        let whole = PixelSample::WHOLE;
+        is_layered.then(|| visibility.take(Coverage::of_layers(seen, scene, &first.whole(), whole)))
     }
 
     /// Returns the lit frame and the errors of its audits, and adds the cost to `figures`.
@@ -431,21 +464,21 @@ impl Shading<'_> {
         lit: SamplesLight,
         figures: &mut FrameFigures,
     ) -> (LitFrame, Audits) {
-        let SamplesLight { samples, layers, mut direct, indirect, reused, importance, places, visibility } = lit;
-        let Frame { accelerator, surfaces, seen, .. } = &prepared.frame;
-
-        // Find outlines that are visible, by comparing the light on both sides.
-        let scene = PosedScene::new(accelerator, surfaces);
-        let has_outlines = self.plan.is_on(Stage::Antialiasing);
-        let has_layers = layers.is_empty() && !seen.layered.is_empty();
-        let coverage = (has_outlines || has_layers).then(|| {
-            let light = samples[0].whole();
-            visibility.take(if has_outlines {
-                Coverage::of(seen, scene, &light)
-            } else {
-                Coverage::of_layers(seen, scene, &light, PixelSample::WHOLE)
-            })
-        });
+        let SamplesLight {
+            samples,
+            fine,
+            coats: _,
+            coverage,
+            layers,
+            mut direct,
+            indirect,
+            reused,
+            importance,
+            places,
+            visibility,
+        } = lit;
+        let coverage =
+            coverage.or_else(|| self.coverage(&prepared.frame, &samples[0], !layers.is_empty(), &visibility));
         self.places = places;
 
         // Sum the times and counts of all samples.
@@ -458,7 +491,7 @@ impl Shading<'_> {
         add_ranks(&*self.ranks, &mut direct);
         put(&direct, figures);
         // Store the light with all data that a static film reuses.
-        let light = StoredLight { samples, layers, coverage, cache_records: direct.records.in_use, importance };
+        let light = StoredLight { samples, fine, layers, coverage, cache_records: direct.records.in_use, importance };
         (LitFrame::new(&prepared.frame, light, reused), direct.audits)
     }
 }

@@ -1,10 +1,12 @@
 //! Samples of a frame's pixels: their surfaces and light before reconstruction.
 
+use super::fine::FinePixels;
 use super::importance::ImportanceMap;
 use super::layer::KnownLight;
 use super::layer::{Lit, Visible};
-use super::lit_frame::{Reused, Sample};
+use super::lit_frame::Reused;
 use super::movement::{InstancePose, Movement};
+use super::sample::Sample;
 use crate::frame::PreparedFrame;
 use glam::Vec3;
 use plane::Plane;
@@ -15,6 +17,12 @@ use render_core::{Busy, Coverage, GBuffer, PixelSample, PosedScene};
 #[derive(Default)]
 pub(super) struct SamplesLight {
     pub samples: Vec<Sample>,
+    /// Pixels with further samples of their own.
+    pub fine: Option<FinePixels>,
+    /// Light of coats in the first sample; `None` in scenes without coats.
+    pub coats: Option<Plane<Vec3>>,
+    /// Surfaces of pixels that outlines cross, if already found.
+    pub coverage: Option<Coverage>,
     /// Transparent layers within pixels, per sample, as in
     /// [`StoredLight::layers`](super::lit_frame::StoredLight::layers).
     pub layers: Vec<Coverage>,

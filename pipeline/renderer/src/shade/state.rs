@@ -48,6 +48,7 @@ pub(super) fn restore(shading: &mut Shading, state: &[u8], last: &PreparedFrame)
     let (width, height, count) = (pixels.width(), pixels.height(), pixels.samples().len());
     let fits = |light: &StoredLight| {
         light.coverage.as_ref().is_none_or(|coverage| coverage.fits(count))
+            && light.fine.as_ref().is_none_or(|fine| fine.fits(count))
             && light.layers.iter().all(|layers| layers.fits(count))
             && light.importance.as_ref().is_none_or(|map| map.fits(width, height))
     };

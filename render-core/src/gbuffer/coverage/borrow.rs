@@ -41,7 +41,7 @@ pub(super) fn around(x: usize, y: usize, width: usize, height: usize) -> impl It
 }
 
 /// Returns whether `pixel` shows the same surface as `seen`.
-pub(super) fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
+pub(in crate::gbuffer) fn shows(pixel: &PixelSurface, seen: &PixelSurface) -> bool {
     if seen.instance == NOTHING || pixel.instance == NOTHING {
         return seen.instance == pixel.instance;
     }
@@ -72,6 +72,14 @@ impl PixelSurface {
 }
 
 impl GBuffer {
+    /// Returns the index of a pixel near (x, y) with irradiance for the surface `seen`: the nearest center with this
+    /// surface among 3×3 pixels, otherwise the nearest ring of pixels with the same surface or a similar normal.
+    #[must_use]
+    pub fn irradiance_source(&self, x: usize, y: usize, seen: &PixelSurface) -> Option<usize> {
+        let source = self.nearest_alike(x, y, seen, None).or_else(|| self.lender(x, y, seen));
+        source.map(|lender| lender.pixel as usize)
+    }
+
     /// Returns the pixel that shows the surface `seen` by a ray: (x, y) itself, or the pixel in its 3×3 neighborhood
     /// nearest to the hit. If neither shows the surface, returns `known`, if `known` shows it.
     pub(super) fn nearest_alike(

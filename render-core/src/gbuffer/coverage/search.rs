@@ -390,6 +390,8 @@ impl<'a> Area<'a> {
         let whole: f32 = parts.iter().map(|part| part.rays).sum();
         let of = |&RaySum { source, rays, tint, emission, .. }: &RaySum| SurfaceFragment {
             share: rays / whole,
+            // Emission is the surface's own.
+            is_borrowed: source.is_borrowed && tint != Vec3::ZERO,
             pixel: source.pixel,
             tint: tint / rays,
             emission: emission / rays,

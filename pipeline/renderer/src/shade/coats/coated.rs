@@ -7,7 +7,7 @@ use render_core::{Bsdf, GBuffer, Hit, Media, NOTHING, PixelSurface, ShadingPoint
 
 /// Minimum perceptual roughness of a coat without sharp reflections: half of its reflection is more than 2° off the
 /// mirror direction.
-const ROUGH: f32 = 0.2;
+pub(super) const ROUGH: f32 = 0.2;
 /// Maximum perceptual roughness of a mirror: its lobe is about as wide as a pixel.
 const MIRROR: f32 = 0.05;
 

@@ -78,6 +78,11 @@ pub(super) fn below_coats(seen: &GBuffer, surfaces: &Surfaces) -> GBuffer {
 #[derive(Default)]
 pub(super) struct Coats;
 
+/// Returns whether a pixel's coat is rough: its rays are shared with nearby pixels.
+pub(super) fn is_rough_coat(pixel: &PixelSurface) -> bool {
+    pixel.roughness >= coated::ROUGH
+}
+
 /// Returns a pixel's light if it is baked; `None` if the pixel needs reflection rays.
 #[cfg(feature = "bake")]
 fn looked_up(

@@ -109,7 +109,7 @@ impl Looking {
     /// Creates the state of a film in which the maps are summed with `weights`.
     pub fn new(weights: &Importance, settings: &RenderSettings) -> Self {
         let RenderSettings { samples, tone_map, .. } = *settings;
-        Self { weights: weights.clone(), most_samples: samples, tone_map, before: None, now: None, cost: None }
+        Self { weights: weights.clone(), most_samples: samples.most(), tone_map, before: None, now: None, cost: None }
     }
 
     /// Returns whether the cost map is in use, which needs the sizes of lightcuts.

@@ -3,7 +3,7 @@
 use super::split::Tile;
 use crate::shade::layer::{Lit, RegionSample, Visible};
 use crate::shade::layers::Layers;
-use crate::shade::lit_frame::Sample;
+use crate::shade::sample::Sample;
 use crate::shade::tolerance::Tolerance;
 use glam::Vec3;
 use plane::Plane;

@@ -31,8 +31,9 @@ use super::counts::RecordCounts;
 use super::importance::{ImportanceMap, SeenLight};
 use super::layer::{Layer, Lit, Visible};
 use super::layers::Layers;
-use super::lit_frame::{Reused, Sample};
+use super::lit_frame::Reused;
 use super::movement::Movement;
+use super::sample::Sample;
 use super::samples::{Common, SampleSurfaces, SamplesLight};
 use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
@@ -116,7 +117,7 @@ impl Tiling {
         // Prepare the surfaces of all samples.
         let movement = Movement::to(&prepared.frame, &shading.places);
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
-        let most = shading.settings.samples as usize;
+        let most = shading.settings.samples.most() as usize;
         let surfaces: Vec<SampleSurfaces> =
             (0..most).map(|sample| shading.surfaces(&prepared.frame, sample, &lit.visibility)).collect();
         let common = Common { movement: &movement, known: None, ranks: &Alone };
