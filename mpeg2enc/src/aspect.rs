@@ -1,6 +1,7 @@
 //! Aspect ratios of samples and pictures, for undistorted display.
 
 use crate::Standard;
+use mpeg2::PEL_ASPECT_RATIOS;
 
 /// Aspect ratio of the samples or of the whole picture (aspect_ratio_information, Table 6-3).
 ///
@@ -21,9 +22,6 @@ pub enum AspectRatio {
     Display221x100,
 }
 
-/// Height of a sample divided by its width, for pel_aspect_ratio 1, 2, 3, … (11172-2, 2.4.3.2).
-const PEL_ASPECT_RATIOS: [f64; 14] =
-    [1.0, 0.6735, 0.7031, 0.7615, 0.8055, 0.8437, 0.8935, 0.9157, 0.9815, 1.0255, 1.0695, 1.0950, 1.1575, 1.2015];
 /// Maximum relative error of an MPEG-1 sample aspect ratio. Neighboring values in the MPEG-1 table differ by up to 8 %.
 const PEL_TOLERANCE: f64 = 0.05;
 /// Maximum relative error of a sample aspect ratio. Pictures of 720 columns are called 4:3 or 16:9 although 702 to 711 of these

@@ -1,22 +1,6 @@
 //! Bit sinks: one writes bytes, the other only counts bits.
 
-/// A code word: the `length` low bits of `code`, most significant bit first.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Vlc {
-    pub code: u32,
-    pub length: u32,
-}
-
-impl Vlc {
-    /// Missing code, for table entries to which the standard assigns none.
-    pub const NONE: Self = Self { code: 0, length: 0 };
-
-    /// Returns the code with the sign bit appended, `s` in the printed tables: 1 is negative.
-    #[inline]
-    pub const fn signed(self, negative: bool) -> Self {
-        Self { code: self.code << 1 | negative as u32, length: self.length + 1 }
-    }
-}
+use mpeg2::Vlc;
 
 /// Receives the bits of a stream, so that the same function can write a code or count its bits.
 pub(crate) trait BitSink {

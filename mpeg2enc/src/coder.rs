@@ -15,9 +15,9 @@ use crate::{
     pulldown::shown,
     quant::{QuantiserParameters, Quantisers},
     quantiser_scale::quantiser_scale_code,
-    scan::{ALTERNATE, ZIGZAG},
     vector::{HalfSample, f_code},
 };
+use mpeg2::scan::{ALTERNATE, ZIGZAG};
 use plane::Plane;
 use std::sync::Arc;
 

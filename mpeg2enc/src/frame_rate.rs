@@ -1,6 +1,7 @@
 //! Frame rates of the standard.
 
 use crate::ConfigError;
+use mpeg2::FRAME_RATES;
 
 /// A frame rate with a code in MPEG-2 (Table 6-4).
 ///
@@ -15,10 +16,6 @@ use crate::ConfigError;
 pub struct FrameRate {
     code: u8,
 }
-
-/// Table 6-4, as (numerator, denominator) for frame_rate_code 1, 2, 3, …
-const FRAME_RATES: [(u32, u32); 8] =
-    [(24000, 1001), (24, 1), (25, 1), (30000, 1001), (30, 1), (50, 1), (60000, 1001), (60, 1)];
 
 impl FrameRate {
     /// 25 frames per second.

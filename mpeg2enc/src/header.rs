@@ -8,8 +8,8 @@ use crate::{
     level::Limits,
     pulldown::{ShownFields, fields_before},
     quant::QuantiserParameters,
-    scan::ZIGZAG,
 };
+use mpeg2::scan::ZIGZAG;
 use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 
 pub(crate) const PICTURE_START_CODE: u8 = 0x00;

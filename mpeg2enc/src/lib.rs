@@ -50,7 +50,6 @@ mod pool; // reusable picture memory
 mod quantiser_scale;
 
 mod pulldown; // 24 pictures/s shown as 30 frames/s
-mod standard; // MPEG-1 or MPEG-2
 
 mod level; // limits of the Main Profile levels
 
@@ -84,7 +83,6 @@ mod trellis; // rate-distortion optimal levels
 
 mod header; // syntax above the macroblock
 mod macroblock; // syntax of a macroblock
-mod scan;
 mod vlc; // variable-length codes
 
 mod bits;
@@ -107,13 +105,14 @@ pub use crate::{
     quantiser_scale::{QuantiserScaleCode, quantiser_scale_code},
     rate::{Passes, Rate},
     restore::RestoreError,
-    standard::Standard,
     verifier::BufferVerifier,
     vlc::CoefficientTable,
 };
 
 /// Input types: pictures, planes and motion fields.
 pub use plane::{Correspondence, NO_MATCH, Picture, PictureType, Plane};
+
+pub use mpeg2::Standard;
 
 pub use plane::matrices::{DEFAULT_INTRA_MATRIX, DEFAULT_NON_INTRA_MATRIX};
 

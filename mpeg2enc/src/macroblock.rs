@@ -216,7 +216,7 @@ impl SliceState {
 }
 
 /// Returns macroblock_type (Tables B.2, B.3, B.4).
-fn macroblock_type(picture_type: PictureType, mode: Mode, coded: bool, new_quantiser: bool) -> crate::bits::Vlc {
+fn macroblock_type(picture_type: PictureType, mode: Mode, coded: bool, new_quantiser: bool) -> mpeg2::Vlc {
     let choose = |plain, with_quantiser| if new_quantiser { with_quantiser } else { plain };
     match (picture_type, mode) {
         (PictureType::I, _) => choose(vlc::I_INTRA, vlc::I_INTRA_QUANT),

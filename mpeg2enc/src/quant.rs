@@ -9,10 +9,10 @@ use crate::{
     block::{Block, BlockKind, places},
     dct, kernel,
     quantiser_scale::{QuantiserScaleCode, quantiser_scale_of},
-    scan::{ALTERNATE, ZIGZAG},
     trellis::{self, BitPrice},
     vlc::{Codes, CoefficientTable, block_bits},
 };
+use mpeg2::scan::{ALTERNATE, ZIGZAG};
 
 /// Parameters common to all quantisers of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

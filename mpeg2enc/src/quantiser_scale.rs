@@ -1,12 +1,7 @@
 //! quantiser_scale and its codes (7.4.2.2).
 
 use crate::ConfigError;
-
-/// quantiser_scale of quantiser_scale_code 1 to 31 with q_scale_type 1 (Table 7-6).
-#[rustfmt::skip]
-const NON_LINEAR: [u32; 31] = [
-    1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22, 24, 28, 32, 36, 40, 44, 48, 52, 56, 64, 72, 80, 88, 96, 104, 112,
-];
+use mpeg2::NON_LINEAR_SCALES;
 
 /// Coded form of a quantiser_scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +14,7 @@ pub struct QuantiserScaleCode {
 
 /// Returns the quantiser_scale of a code (Table 7-6).
 pub(crate) fn quantiser_scale_of(code: QuantiserScaleCode) -> u32 {
-    if code.q_scale_type { NON_LINEAR[usize::from(code.code) - 1] } else { 2 * u32::from(code.code) }
+    if code.q_scale_type { NON_LINEAR_SCALES[usize::from(code.code) - 1] } else { 2 * u32::from(code.code) }
 }
 
 /// Returns the quantiser_scale_code nearest to a scale in sixteenths.
@@ -66,11 +61,11 @@ pub fn quantiser_scale_code(quantiser_scale: u32) -> Result<QuantiserScaleCode, 
     if (2..=62).contains(&quantiser_scale) && quantiser_scale.is_multiple_of(2) {
         return Ok(QuantiserScaleCode { q_scale_type: false, code: (quantiser_scale / 2) as u8 });
     }
-    if let Some(index) = NON_LINEAR.iter().position(|&scale| scale == quantiser_scale) {
+    if let Some(index) = NON_LINEAR_SCALES.iter().position(|&scale| scale == quantiser_scale) {
         return Ok(QuantiserScaleCode { q_scale_type: true, code: index as u8 + 1 });
     }
     // Suggest the nearest values of both tables.
-    let mut scales: Vec<u32> = NON_LINEAR.into_iter().chain((1..=31).map(|code| 2 * code)).collect();
+    let mut scales: Vec<u32> = NON_LINEAR_SCALES.into_iter().chain((1..=31).map(|code| 2 * code)).collect();
     scales.sort_unstable();
     scales.dedup();
     scales.sort_by_key(|scale| scale.abs_diff(quantiser_scale));
@@ -102,7 +97,7 @@ mod tests {
             match quantiser_scale_code(scale) {
                 Ok(QuantiserScaleCode { q_scale_type: false, code }) => assert_eq!(2 * u32::from(code), scale),
                 Ok(QuantiserScaleCode { q_scale_type: true, code }) => {
-                    assert_eq!(NON_LINEAR[usize::from(code) - 1], scale)
+                    assert_eq!(NON_LINEAR_SCALES[usize::from(code) - 1], scale)
                 }
                 Err(error) => {
                     assert!(error.to_string().starts_with(&format!("quantiser_scale {scale} does not exist")))

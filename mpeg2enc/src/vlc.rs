@@ -1,17 +1,16 @@
 //! Variable-length codes of the syntax elements (clause 7.2, Annex B).
 
-mod tables;
-
 use crate::{
     Standard,
-    bits::{BitSink, Vlc},
+    bits::BitSink,
     block::{Block, places},
 };
-pub(crate) use tables::{
+use mpeg2::Vlc;
+pub(crate) use mpeg2::tables::{
     B_INTRA, B_INTRA_QUANT, B_MOTION, B_MOTION_CODED, B_MOTION_CODED_QUANT, CODED_BLOCK_PATTERN, I_INTRA,
     I_INTRA_QUANT, P_CODED, P_CODED_QUANT, P_INTRA, P_INTRA_QUANT, P_MOTION, P_MOTION_CODED, P_MOTION_CODED_QUANT,
 };
-use tables::{
+use mpeg2::tables::{
     DCT_COEFFICIENTS, DCT_DC_SIZE_CHROMINANCE, DCT_DC_SIZE_LUMINANCE, END_OF_BLOCK, ESCAPE, FIRST_COEFFICIENT_ONE,
     LEVELS, MACROBLOCK_ADDRESS_INCREMENT, MACROBLOCK_ESCAPE, MOTION_CODE, RUNS,
 };
@@ -258,7 +257,7 @@ mod tests {
         ] {
             let mut writer = BitWriter::default();
             put_coefficient(&mut writer, Codes { table: CoefficientTable::Zero, standard: Standard::Mpeg1 }, 20, level);
-            let printed = tables::vlc(digits);
+            let printed = mpeg2::tables::vlc(digits);
             let mut expected = BitWriter::default();
             expected.put_code(ESCAPE);
             expected.put(20, 6);

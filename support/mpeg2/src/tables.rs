@@ -2,10 +2,14 @@
 //!
 //! The sign, a trailing `s` in the standard, is omitted; [`Vlc::signed`] adds it.
 
-use crate::bits::Vlc;
+use crate::Vlc;
 
 /// Parses a code from the digits of the standard; spaces are allowed.
-pub(crate) const fn vlc(digits: &str) -> Vlc {
+///
+/// # Panics
+/// If another character occurs.
+#[must_use]
+pub const fn vlc(digits: &str) -> Vlc {
     let bytes = digits.as_bytes();
     let mut out = Vlc::NONE;
     let mut i = 0;
@@ -21,7 +25,7 @@ pub(crate) const fn vlc(digits: &str) -> Vlc {
 
 /// Table B.1: macroblock_address_increment, in order 1, 2, 3, …
 #[rustfmt::skip]
-pub(crate) const MACROBLOCK_ADDRESS_INCREMENT: [Vlc; 33] = [
+pub const MACROBLOCK_ADDRESS_INCREMENT: [Vlc; 33] = [
     vlc("1"), vlc("011"), vlc("010"), vlc("0011"), vlc("0010"), vlc("0001 1"), vlc("0001 0"),
     vlc("0000 111"), vlc("0000 110"), vlc("0000 1011"), vlc("0000 1010"), vlc("0000 1001"), vlc("0000 1000"),
     vlc("0000 0111"), vlc("0000 0110"), vlc("0000 0101 11"), vlc("0000 0101 10"), vlc("0000 0101 01"),
@@ -31,38 +35,38 @@ pub(crate) const MACROBLOCK_ADDRESS_INCREMENT: [Vlc; 33] = [
 ];
 
 /// Table B.1: macroblock_escape, which represents 33 more macroblocks.
-pub(crate) const MACROBLOCK_ESCAPE: Vlc = vlc("0000 0001 000");
+pub const MACROBLOCK_ESCAPE: Vlc = vlc("0000 0001 000");
 
 /// Table B.2: macroblock_type of an intra macroblock in an I picture.
-pub(crate) const I_INTRA: Vlc = vlc("1");
+pub const I_INTRA: Vlc = vlc("1");
 /// Table B.2: macroblock_type of an intra macroblock with quantiser_scale_code, in an I picture.
-pub(crate) const I_INTRA_QUANT: Vlc = vlc("01");
+pub const I_INTRA_QUANT: Vlc = vlc("01");
 
 /// Table B.3: macroblock_type with vector and coefficients, in a P picture.
-pub(crate) const P_MOTION_CODED: Vlc = vlc("1");
+pub const P_MOTION_CODED: Vlc = vlc("1");
 /// Table B.3: macroblock_type with coefficients and a zero vector.
-pub(crate) const P_CODED: Vlc = vlc("01");
+pub const P_CODED: Vlc = vlc("01");
 /// Table B.3: macroblock_type with only a vector.
-pub(crate) const P_MOTION: Vlc = vlc("001");
+pub const P_MOTION: Vlc = vlc("001");
 /// Table B.3: macroblock_type of an intra macroblock.
-pub(crate) const P_INTRA: Vlc = vlc("0001 1");
+pub const P_INTRA: Vlc = vlc("0001 1");
 /// Table B.3: macroblock_type with vector, coefficients and quantiser_scale_code.
-pub(crate) const P_MOTION_CODED_QUANT: Vlc = vlc("0001 0");
+pub const P_MOTION_CODED_QUANT: Vlc = vlc("0001 0");
 /// Table B.3: macroblock_type with coefficients, a zero vector and quantiser_scale_code.
-pub(crate) const P_CODED_QUANT: Vlc = vlc("0000 1");
+pub const P_CODED_QUANT: Vlc = vlc("0000 1");
 /// Table B.3: macroblock_type of an intra macroblock with quantiser_scale_code.
-pub(crate) const P_INTRA_QUANT: Vlc = vlc("0000 01");
+pub const P_INTRA_QUANT: Vlc = vlc("0000 01");
 
 /// Table B.4: macroblock_type without coefficients, in a B picture: forward, backward, both.
-pub(crate) const B_MOTION: [Vlc; 3] = [vlc("0010"), vlc("010"), vlc("10")];
+pub const B_MOTION: [Vlc; 3] = [vlc("0010"), vlc("010"), vlc("10")];
 /// Table B.4: macroblock_type with coefficients: forward, backward, both.
-pub(crate) const B_MOTION_CODED: [Vlc; 3] = [vlc("0011"), vlc("011"), vlc("11")];
+pub const B_MOTION_CODED: [Vlc; 3] = [vlc("0011"), vlc("011"), vlc("11")];
 /// Table B.4: macroblock_type with coefficients and quantiser_scale_code: forward, backward, both.
-pub(crate) const B_MOTION_CODED_QUANT: [Vlc; 3] = [vlc("0000 11"), vlc("0000 10"), vlc("0001 0")];
+pub const B_MOTION_CODED_QUANT: [Vlc; 3] = [vlc("0000 11"), vlc("0000 10"), vlc("0001 0")];
 /// Table B.4: macroblock_type of an intra macroblock.
-pub(crate) const B_INTRA: Vlc = vlc("0001 1");
+pub const B_INTRA: Vlc = vlc("0001 1");
 /// Table B.4: macroblock_type of an intra macroblock with quantiser_scale_code.
-pub(crate) const B_INTRA_QUANT: Vlc = vlc("0000 01");
+pub const B_INTRA_QUANT: Vlc = vlc("0000 01");
 
 /// Table B.9: coded_block_pattern, as (pattern, code).
 #[rustfmt::skip]
@@ -81,7 +85,7 @@ const CODED_BLOCK_PATTERN_PRINTED: [(u8, &str); 64] = [
 ];
 
 /// Table B.9: coded_block_pattern, indexed by pattern.
-pub(crate) const CODED_BLOCK_PATTERN: [Vlc; 64] = {
+pub const CODED_BLOCK_PATTERN: [Vlc; 64] = {
     let mut table = [Vlc::NONE; 64];
     let mut i = 0;
     while i < 64 {
@@ -94,7 +98,7 @@ pub(crate) const CODED_BLOCK_PATTERN: [Vlc; 64] = {
 
 /// Table B.10: motion_code, in order 0, 1, 2, …; a sign follows all but 0.
 #[rustfmt::skip]
-pub(crate) const MOTION_CODE: [Vlc; 17] = [
+pub const MOTION_CODE: [Vlc; 17] = [
     vlc("1"), vlc("01"), vlc("001"), vlc("0001"), vlc("0000 11"), vlc("0000 101"), vlc("0000 100"), vlc("0000 011"),
     vlc("0000 0101 1"), vlc("0000 0101 0"), vlc("0000 0100 1"), vlc("0000 0100 01"), vlc("0000 0100 00"),
     vlc("0000 0011 11"), vlc("0000 0011 10"), vlc("0000 0011 01"), vlc("0000 0011 00"),
@@ -102,28 +106,28 @@ pub(crate) const MOTION_CODE: [Vlc; 17] = [
 
 /// Table B.12: dct_dc_size_luminance, in order 0, 1, 2, …
 #[rustfmt::skip]
-pub(crate) const DCT_DC_SIZE_LUMINANCE: [Vlc; 12] = [
+pub const DCT_DC_SIZE_LUMINANCE: [Vlc; 12] = [
     vlc("100"), vlc("00"), vlc("01"), vlc("101"), vlc("110"), vlc("1110"), vlc("1111 0"), vlc("1111 10"),
     vlc("1111 110"), vlc("1111 1110"), vlc("1111 1111 0"), vlc("1111 1111 1"),
 ];
 
 /// Table B.13: dct_dc_size_chrominance, in order 0, 1, 2, …
 #[rustfmt::skip]
-pub(crate) const DCT_DC_SIZE_CHROMINANCE: [Vlc; 12] = [
+pub const DCT_DC_SIZE_CHROMINANCE: [Vlc; 12] = [
     vlc("00"), vlc("01"), vlc("10"), vlc("110"), vlc("1110"), vlc("1111 0"), vlc("1111 10"), vlc("1111 110"),
     vlc("1111 1110"), vlc("1111 1111 0"), vlc("1111 1111 10"), vlc("1111 1111 11"),
 ];
 
-/// End of block in Tables B.14 and B.15.
-pub(crate) const END_OF_BLOCK: [Vlc; 2] = [vlc("10"), vlc("0110")];
+/// Code for the end of a block in Tables B.14 and B.15.
+pub const END_OF_BLOCK: [Vlc; 2] = [vlc("10"), vlc("0110")];
 /// Escape code of Tables B.14 and B.15, before run and level (7.2.2.3).
-pub(crate) const ESCAPE: Vlc = vlc("0000 01");
+pub const ESCAPE: Vlc = vlc("0000 01");
 /// Table B.14: run 0 and level 1 as the first coefficient of a non-intra block.
-pub(crate) const FIRST_COEFFICIENT_ONE: Vlc = vlc("1");
+pub const FIRST_COEFFICIENT_ONE: Vlc = vlc("1");
 
 /// Table B.14: DCT coefficients table zero, as (run, level, code).
 #[rustfmt::skip]
-pub(crate) const DCT_COEFFICIENTS_PRINTED: [(u8, u8, &str); 111] = [
+pub const DCT_COEFFICIENTS_PRINTED: [(u8, u8, &str); 111] = [
     (0, 1, "11"), (1, 1, "011"), (0, 2, "0100"), (2, 1, "0101"), (0, 3, "0010 1"), (3, 1, "0011 1"), (4, 1, "0011 0"),
     (1, 2, "0001 10"), (5, 1, "0001 11"), (6, 1, "0001 01"), (7, 1, "0001 00"),
     (0, 4, "0000 110"), (2, 2, "0000 100"), (8, 1, "0000 111"), (9, 1, "0000 101"),
@@ -162,7 +166,7 @@ pub(crate) const DCT_COEFFICIENTS_PRINTED: [(u8, u8, &str); 111] = [
 
 /// Table B.15: DCT coefficients table one, as (run, level, code), in order of length.
 #[rustfmt::skip]
-pub(crate) const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
+pub const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
     (0, 1, "10"), (0, 2, "110"), (1, 1, "010"), (0, 3, "0111"), (0, 4, "1110 0"), (0, 5, "1110 1"), (1, 2, "0011 0"),
     (2, 1, "0010 1"), (3, 1, "0011 1"), (0, 6, "0001 01"), (0, 7, "0001 00"), (4, 1, "0001 10"), (5, 1, "0001 11"),
     (0, 8, "1111 011"), (0, 9, "1111 100"), (1, 3, "1111 001"), (2, 2, "0000 111"), (6, 1, "0000 110"),
@@ -196,12 +200,12 @@ pub(crate) const DCT_COEFFICIENTS_ONE_PRINTED: [(u8, u8, &str); 111] = [
 ];
 
 /// Number of runs for which Tables B.14 and B.15 may contain codes.
-pub(crate) const RUNS: usize = 32;
+pub const RUNS: usize = 32;
 /// Maximum level for which Tables B.14 and B.15 contain codes, plus one.
-pub(crate) const LEVELS: usize = 41;
+pub const LEVELS: usize = 41;
 
 /// Tables B.14 and B.15, indexed by run and level; [`Vlc::NONE`] where escape coding is used.
-pub(crate) static DCT_COEFFICIENTS: [[[Vlc; LEVELS]; RUNS]; 2] =
+pub static DCT_COEFFICIENTS: [[[Vlc; LEVELS]; RUNS]; 2] =
     [by_run_and_level(&DCT_COEFFICIENTS_PRINTED), by_run_and_level(&DCT_COEFFICIENTS_ONE_PRINTED)];
 
 const fn by_run_and_level(printed: &[(u8, u8, &str)]) -> [[Vlc; LEVELS]; RUNS] {

@@ -1,7 +1,7 @@
 //! Scanning orders (7.3): zig-zag and alternate.
 
 /// Raster position (`8 * v + u`) of the coefficients in transmission order, Figure 7-2.
-pub(crate) const ZIGZAG: [usize; 64] = {
+pub const ZIGZAG: [usize; 64] = {
     let mut order = [0; 64];
     let (mut u, mut v) = (0usize, 0usize);
     let mut i = 0;
@@ -44,7 +44,7 @@ const ALTERNATE_PRINTED: [usize; 64] = [
 ];
 
 /// Raster position of the coefficients in transmission order with alternate_scan = 1.
-pub(crate) const ALTERNATE: [usize; 64] = {
+pub const ALTERNATE: [usize; 64] = {
     let mut order = [0; 64];
     let mut raster = 0;
     while raster < 64 {

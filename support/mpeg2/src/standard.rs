@@ -19,7 +19,8 @@ pub enum Standard {
 impl Standard {
     /// Returns the maximum level of a coefficient. It has 12 bits without −2048 (7.2.2.3), or 8 bits and a sign (11172-2, Annex
     /// B).
-    pub(crate) fn level_max(self) -> i32 {
+    #[must_use]
+    pub fn level_max(self) -> i32 {
         match self {
             Self::Mpeg1 => 255,
             Self::Mpeg2 => 2047,
@@ -27,7 +28,8 @@ impl Standard {
     }
 
     /// Returns the maximum f_code at any level; MPEG-1 codes it in three bits.
-    pub(crate) fn f_code_max(self) -> u32 {
+    #[must_use]
+    pub fn f_code_max(self) -> u32 {
         match self {
             Self::Mpeg1 => 7,
             Self::Mpeg2 => 9,
