@@ -1,0 +1,133 @@
+//! Containers: program and transport streams (ISO/IEC 13818-1, 11172-1).
+
+mod clock; // time stamps
+mod pes; // packet headers
+mod probe; // recognizes formats
+mod program; // program streams
+mod sections; // tables of transport streams
+mod transport; // transport streams
+
+use probe::probe;
+use program::ProgramDemuxer;
+use transport::TransportDemuxer;
+
+/// Format of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum StreamFormat {
+    /// Video without a container.
+    Elementary,
+    /// Program stream of MPEG-1 or MPEG-2, such as `.mpg` and `.vob`.
+    Program,
+    /// Transport stream, such as `.ts` and `.m2ts`.
+    Transport {
+        /// Bytes of a packet: 188, 192 (with a time code) or 204 (with error correction).
+        packet_size: usize,
+    },
+}
+
+/// Bytes of the first video stream of a container.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DemuxedData<'a> {
+    /// Bytes of the elementary stream.
+    pub bytes: &'a [u8],
+    /// Presentation time of the first picture that starts in these bytes, in units of 1/90000 s.
+    pub time: Option<i64>,
+}
+
+/// Extracts the first video stream from a container.
+///
+/// The format is recognized from at most 64 KiB. Bytes without a known format are passed on as an elementary stream.
+///
+/// ```
+/// use mpeg2dec::{Demuxer, StreamFormat};
+///
+/// let mut demuxer = Demuxer::default();
+/// let mut stream = Vec::new();
+/// demuxer.push(include_bytes!("../tests/data/small.m2v"), |data| stream.extend_from_slice(data.bytes));
+/// assert_eq!(demuxer.format(), Some(StreamFormat::Elementary));
+/// assert_eq!(stream, include_bytes!("../tests/data/small.m2v"));
+/// ```
+#[derive(Default)]
+pub struct Demuxer(DemuxerState);
+
+/// State of a demultiplexer.
+enum DemuxerState {
+    /// Bytes before the format is recognized.
+    Unknown(Vec<u8>),
+    Elementary,
+    Program(Box<ProgramDemuxer>),
+    Transport(Box<TransportDemuxer>),
+}
+
+impl Default for DemuxerState {
+    fn default() -> Self {
+        Self::Unknown(Vec::new())
+    }
+}
+
+impl Demuxer {
+    /// Accepts bytes, in pieces of any size, and passes the data of the video stream to `receive`.
+    pub fn push(&mut self, bytes: &[u8], mut receive: impl FnMut(DemuxedData)) {
+        self.extract(bytes, &mut receive);
+    }
+
+    fn extract(&mut self, bytes: &[u8], receive: &mut dyn FnMut(DemuxedData)) {
+        match &mut self.0 {
+            DemuxerState::Unknown(start) => {
+                // Copy only the bytes needed for recognition.
+                let (head, rest) = bytes.split_at(bytes.len().min(probe::BYTES_MAX));
+                start.extend_from_slice(head);
+                let Some(format) = probe(start, !rest.is_empty() || start.len() >= probe::BYTES_MAX) else { return };
+                self.begin(format, receive);
+                self.extract(rest, receive);
+            }
+            DemuxerState::Elementary if bytes.is_empty() => {}
+            DemuxerState::Elementary => receive(DemuxedData { bytes, time: None }),
+            DemuxerState::Program(program) => program.push(bytes, receive),
+            DemuxerState::Transport(transport) => transport.push(bytes, receive),
+        }
+    }
+
+    /// Processes the collected bytes in a format.
+    fn begin(&mut self, format: StreamFormat, receive: &mut dyn FnMut(DemuxedData)) {
+        let state = match format {
+            StreamFormat::Elementary => DemuxerState::Elementary,
+            StreamFormat::Program => DemuxerState::Program(Box::default()),
+            StreamFormat::Transport { packet_size } => {
+                DemuxerState::Transport(Box::new(TransportDemuxer::new(packet_size)))
+            }
+        };
+        if let DemuxerState::Unknown(start) = std::mem::replace(&mut self.0, state) {
+            self.extract(&start, receive);
+        }
+    }
+
+    /// Ends the stream. The demultiplexer then accepts another one.
+    pub fn flush(&mut self, mut receive: impl FnMut(DemuxedData)) {
+        if let DemuxerState::Unknown(start) = &self.0
+            && let Some(format) = probe(start, true)
+        {
+            self.begin(format, &mut receive);
+        }
+        match &mut self.0 {
+            DemuxerState::Program(program) => program.flush(&mut receive),
+            DemuxerState::Transport(transport) => transport.flush(&mut receive),
+            DemuxerState::Unknown(_) | DemuxerState::Elementary => {}
+        }
+        self.0 = DemuxerState::default();
+    }
+
+    /// Returns the format of the stream, after its first bytes were recognized.
+    #[must_use]
+    pub fn format(&self) -> Option<StreamFormat> {
+        match &self.0 {
+            DemuxerState::Unknown(_) => None,
+            DemuxerState::Elementary => Some(StreamFormat::Elementary),
+            DemuxerState::Program(_) => Some(StreamFormat::Program),
+            DemuxerState::Transport(transport) => {
+                Some(StreamFormat::Transport { packet_size: transport.packet_size() })
+            }
+        }
+    }
+}
