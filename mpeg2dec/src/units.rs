@@ -64,7 +64,7 @@ impl UnitSplitter {
             }
             receive(StreamItem::Code { code, offset: self.base + found as u64 });
             self.code = Some(code);
-            (start, self.searched) = (found, found + 3);
+            (start, self.searched) = (found, found + 4);
         }
         // A start code may begin with the last two bytes.
         self.searched = self.searched.max(self.buffer.len().saturating_sub(2));
