@@ -68,8 +68,8 @@ impl<'a> BitReader<'a> {
         value
     }
 
-    /// Loads and consumes `count` bits, 1 to 32.
-    #[inline]
+    /// Loads and consumes `count` bits, 1 to 32. Calls are for headers, so the function is not inlined.
+    #[inline(never)]
     pub fn read(&mut self, count: u32) -> u32 {
         self.refill();
         self.take(count)

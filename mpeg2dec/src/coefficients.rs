@@ -6,24 +6,44 @@ use mpeg2::tables::{
 };
 
 /// Run in a table entry for the end of a block.
-const END_RUN: u8 = 64;
+const END_RUN: u32 = 64;
 /// Run in a table entry for an escape code.
-const ESCAPE_RUN: u8 = 65;
+const ESCAPE_RUN: u32 = 65;
+/// Run in a table entry without a code.
+const INVALID_RUN: u32 = 66;
 
 /// Run, level and length without sign of the codes that begin with the bits of an index.
 #[derive(Clone, Copy)]
 struct RunLevel {
-    run: u8,
-    level: u8,
-    length: u8,
+    run: u32,
+    level: i32,
+    length: u32,
+}
+
+/// [`RunLevel`] in 7, 6 and 3 bits. The length is stored as the excess over the shortest length of the table.
+#[derive(Clone, Copy)]
+struct PackedRunLevel(u16);
+
+impl PackedRunLevel {
+    const INVALID: Self = Self(INVALID_RUN as u16);
+
+    const fn new(run: u32, level: u8, excess: u32) -> Self {
+        Self(run as u16 | (level as u16) << 7 | (excess as u16) << 13)
+    }
+
+    #[inline(always)]
+    fn unpacked(self, shortest: u32) -> RunLevel {
+        let bits = u32::from(self.0);
+        RunLevel { run: bits & 127, level: (bits >> 7 & 63) as i32, length: shortest + (bits >> 13) }
+    }
 }
 
 /// Decoding table of coefficients. Codes of more than 8 bits begin with six zeros.
 pub(crate) struct CoefficientCodes {
     /// Entries by the first 8 bits.
-    short: [RunLevel; 256],
+    short: [PackedRunLevel; 256],
     /// Entries by 16 bits of which the first six are zero.
-    long: [RunLevel; 1024],
+    long: [PackedRunLevel; 1024],
 }
 
 /// Tables B.14 and B.15.
@@ -31,21 +51,21 @@ pub(crate) static CODES: [CoefficientCodes; 2] =
     [codes(&DCT_COEFFICIENTS_PRINTED, 0), codes(&DCT_COEFFICIENTS_ONE_PRINTED, 1)];
 
 const fn codes(printed: &[(u8, u8, &str)], table: usize) -> CoefficientCodes {
-    let none = RunLevel { run: 0, level: 0, length: 0 };
+    let none = PackedRunLevel::INVALID;
     let mut codes = CoefficientCodes { short: [none; 256], long: [none; 1024] };
     let mut i = 0;
     while i < printed.len() + 2 {
         // End of block and escape follow the printed codes.
         let (run, level, code) = if i < printed.len() {
             let (run, level, digits) = printed[i];
-            (run, level, vlc(digits))
+            (run as u32, level, vlc(digits))
         } else if i == printed.len() {
             (END_RUN, 0, END_OF_BLOCK[table])
         } else {
             (ESCAPE_RUN, 0, ESCAPE)
         };
-        let entry = RunLevel { run, level, length: code.length as u8 };
         let is_short = code.length <= 8;
+        let entry = PackedRunLevel::new(run, level, code.length - if is_short { 1 } else { 9 });
         let free = if is_short { 8 } else { 16 } - code.length;
         let mut index = (code.code as usize) << free;
         let end = (code.code as usize + 1) << free;
@@ -65,7 +85,11 @@ const fn codes(printed: &[(u8, u8, &str)], table: usize) -> CoefficientCodes {
 impl CoefficientCodes {
     #[inline(always)]
     fn find(&self, window: u64) -> RunLevel {
-        if window >> 58 == 0 { self.long[(window >> 48) as usize % 1024] } else { self.short[(window >> 56) as usize] }
+        if window >> 58 == 0 {
+            self.long[(window >> 48) as usize % 1024].unpacked(9)
+        } else {
+            self.short[(window >> 56) as usize].unpacked(1)
+        }
     }
 }
 
@@ -110,14 +134,13 @@ impl Coefficients {
             block.codes.find(bits.window())
         };
         loop {
-            bits.skip(entry.length.into());
+            bits.skip(entry.length);
             let (run, magnitude, negative) = if entry.run < END_RUN {
-                if entry.length == 0 {
-                    return Err(Invalid);
-                }
-                (entry.run as usize, i32::from(entry.level), bits.take(1) == 1)
+                (entry.run as usize, entry.level, bits.take(1) == 1)
             } else if entry.run == END_RUN {
                 break;
+            } else if entry.run == INVALID_RUN {
+                return Err(Invalid);
             } else {
                 let run = bits.take(6) as usize;
                 let level = if MPEG1 { short_level(bits) } else { (bits.take(12) as i32) << 20 >> 20 };

@@ -111,9 +111,10 @@ const fn b_types() -> Lookup<64> {
 pub(crate) static PATTERNS: Lookup<512> = Lookup::EMPTY.with_list(&CODED_BLOCK_PATTERN, 0);
 /// Table B.10: motion_code without its sign.
 pub(crate) static MOTION: Lookup<1024> = Lookup::EMPTY.with_list(&MOTION_CODE, 0);
-/// Tables B.12 and B.13: dct_dc_size of luma and chroma.
-pub(crate) static DC_SIZES: [Lookup<1024>; 2] =
-    [Lookup::EMPTY.with_list(&DCT_DC_SIZE_LUMINANCE, 0), Lookup::EMPTY.with_list(&DCT_DC_SIZE_CHROMINANCE, 0)];
+/// Table B.12: dct_dc_size of luma.
+pub(crate) static LUMA_DC_SIZE: Lookup<512> = Lookup::EMPTY.with_list(&DCT_DC_SIZE_LUMINANCE, 0);
+/// Table B.13: dct_dc_size of chroma.
+pub(crate) static CHROMA_DC_SIZE: Lookup<1024> = Lookup::EMPTY.with_list(&DCT_DC_SIZE_CHROMINANCE, 0);
 
 #[cfg(test)]
 mod tests {

@@ -7,8 +7,8 @@ use crate::{
     compensate::{Compensation, compensate},
     frame::FrameMemory,
     lookup::{
-        BACKWARD, DC_SIZES, ESCAPE_VALUE, FORWARD, INCREMENT, INTRA, Invalid, MACROBLOCK_TYPES, PATTERN, PATTERNS,
-        QUANT, STUFFING_VALUE,
+        BACKWARD, CHROMA_DC_SIZE, ESCAPE_VALUE, FORWARD, INCREMENT, INTRA, Invalid, LUMA_DC_SIZE, MACROBLOCK_TYPES,
+        PATTERN, PATTERNS, QUANT, STUFFING_VALUE,
     },
     predict::MacroblockBuffer,
     progress::MacroblockRecord,
@@ -254,7 +254,9 @@ impl<'a> SliceDecoder<'a> {
     #[inline]
     fn dc(&mut self, component: usize) -> Result<i32, Invalid> {
         self.bits.refill();
-        let size = u32::from(DC_SIZES[usize::from(component > 0)].take(&mut self.bits)?);
+        let bits = &mut self.bits;
+        let size = if component == 0 { LUMA_DC_SIZE.take(bits) } else { CHROMA_DC_SIZE.take(bits) };
+        let size = u32::from(size?);
         if size > 0 {
             let value = self.bits.take(size) as i32;
             // Negative differences are coded as their ones' complement.

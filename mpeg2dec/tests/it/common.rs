@@ -24,7 +24,8 @@ pub fn ffmpeg(arguments: &[&str]) -> Output {
 /// Encodes a moving pattern with noise. `size` is such as `96x64`; `ending` selects the container.
 pub fn encoded(size: &str, ending: &str, options: &str) -> Vec<u8> {
     let path = temporary(ending);
-    let source = format!("testsrc2=s=192x128:r=25:d=0.6,noise=alls=20:allf=t,scale={}", size.replace('x', ":"));
+    let source =
+        format!("testsrc2=s=192x128:r=25:d=0.6,noise=alls=20:allf=t:all_seed=5,scale={}", size.replace('x', ":"));
     let sound = ["-f", "lavfi", "-i", "sine=d=0.6"];
     let sound = if options.contains("-c:a") { &sound[..] } else { &[] };
     let options: Vec<&str> = options.split_whitespace().collect();

@@ -113,7 +113,8 @@ fn captions_are_passed_on() {
     for i in 0..stream.len() - 4 {
         if stream[i..i + 4] == [0, 0, 1, 1] {
             with_captions.extend_from_slice(&stream[from..i]);
-            with_captions.extend_from_slice(&[0, 0, 1, 0xb2, b'G', b'A', b'9', b'4', 3, 0x41, 0xff, 0xfc, 0x80, number]);
+            with_captions
+                .extend_from_slice(&[0, 0, 1, 0xb2, b'G', b'A', b'9', b'4', 3, 0x41, 0xff, 0xfc, 0x80, number]);
             with_captions.push(0xff);
             (from, number) = (i, number + 1);
         }

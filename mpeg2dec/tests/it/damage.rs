@@ -91,7 +91,10 @@ fn random_bytes_do_not_panic() {
         for _ in 0..random.usize(0..40) {
             let place = random.usize(0..bytes.len());
             let end = (place + 4).min(bytes.len());
-            bytes.splice(place..end, [0, 0, 1, *random.choice(&[0, 1, 2, 0xb3, 0xb5, 0xb8, 0xba, 0xe0]).expect("a code")]);
+            bytes.splice(
+                place..end,
+                [0, 0, 1, *random.choice(&[0, 1, 2, 0xb3, 0xb5, 0xb8, 0xba, 0xe0]).expect("a code")],
+            );
         }
         attempt(&bytes, DecoderOptions { show_incomplete: true, samples_max: 1 << 16 }, 100);
     }
@@ -122,7 +125,7 @@ fn concealment_keeps_pictures_similar() {
     for i in 0..stream.len() - 4 {
         pictures += usize::from(stream[i..i + 4] == [0, 0, 1, 0]);
         if stream[i..i + 4] == [0, 0, 1, 3] && pictures == 9 {
-            damaged[i + 5..i + 12].fill(0xff);
+            damaged[i + 5..i + 12].fill(0);
         }
     }
     let (whole, found) = (decoded(&stream, 999), decoded(&damaged, 999));

@@ -6,3 +6,4 @@ mod damage;
 mod encoders;
 mod faults;
 mod random;
+mod wasm;

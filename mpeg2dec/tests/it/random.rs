@@ -2,8 +2,8 @@
 //! concealment vectors, slices that start anywhere.
 
 mod macroblock; // random macroblocks
-mod syntax; // codes of syntax elements
-mod stream; // headers and slices
+mod stream;
+mod syntax; // codes of syntax elements // headers and slices
 
 use crate::common::check;
 use stream::{Features, random_stream};

@@ -12,7 +12,7 @@
 mod short; // floating-point inverse
 
 use lanes::Choice;
-use short::ShortInverse;
+use short::{Rounded, ShortInverse, rounded};
 
 /// round(cos(kπ/16) · 2^28) for k = 1 … 7.
 pub const COSINE: [i64; 8] =
@@ -23,7 +23,7 @@ pub const COSINE_BITS: u32 = 28;
 const MIDDLE_BITS: u32 = 14;
 
 /// Computes twice the one-dimensional inverse transform along the first index, shifted right and rounded.
-#[inline(always)]
+#[inline(never)]
 fn inverse_1d(c: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     let [_, c1, c2, c3, c4, c5, c6, c7] = COSINE;
     let mut out = [[0; 8]; 8];
@@ -71,8 +71,9 @@ fn flat(block: &[[i32; 8]; 8]) -> [i32; 64] {
     block.as_flattened().try_into().expect("8 rows of 8")
 }
 
-/// Transforms coefficients to samples or differences, saturated to −256 … 255 (7.5).
-#[inline(always)]
+/// Transforms coefficients to samples or differences, saturated to −256 … 255 (7.5). Calls are rare.
+#[cold]
+#[inline(never)]
 fn inverse(coefficients: &[i32; 64]) -> [i32; 64] {
     // Transform columns first, because intermediate rounding makes the result depend on the order of the passes.
     let middle = inverse_1d(&transposed(rows(coefficients)), COSINE_BITS + 1 - MIDDLE_BITS);
@@ -92,9 +93,17 @@ pub fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u
 /// Computes [`inverse_onto`] with the chosen instruction set.
 #[inline(always)]
 fn inverse_onto_with(choice: Choice, coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
-    if !choice.run(ShortInverse { coefficients, predicted, out }) {
+    if !choice.is_vector() {
+        inverse_onto_plain(coefficients, predicted, out);
+    } else if !choice.run(ShortInverse { coefficients, predicted, out }) {
         add(predicted, &inverse(coefficients), out);
     }
+}
+
+/// Computes [`inverse_onto`] without vector instructions.
+fn inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
+    let Rounded { samples, is_certain } = rounded(coefficients);
+    add(predicted, &if is_certain { samples } else { inverse(coefficients) }, out);
 }
 
 fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
@@ -106,10 +115,7 @@ fn add(predicted: &[u8; 64], added: &[i32; 64], out: &mut [u8; 64]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{
-        short::{FLOAT_COSINE, certain},
-        *,
-    };
+    use super::*;
     use std::f64::consts::PI;
 
     fn basis(frequency: usize, position: usize) -> f64 {
@@ -186,52 +192,6 @@ mod tests {
         assert_eq!(inverse(&[0; 64]), [0; 64]);
     }
 
-    /// Computes the one-dimensional inverse transform along the first index.
-    fn inverse_short_1d(c: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
-        let [_, c1, c2, c3, c4, c5, c6, c7] = FLOAT_COSINE;
-        let mut out = [[0.0; 8]; 8];
-        for x in 0..8 {
-            let (p, m) = (c4 * (c[0][x] + c[4][x]), c4 * (c[0][x] - c[4][x]));
-            let (q, r) = (c2 * c[2][x] + c6 * c[6][x], c6 * c[2][x] - c2 * c[6][x]);
-            let (e0, e1, e2, e3) = (p + q, m + r, m - r, p - q);
-            let o0 = (c1 * c[1][x] + c3 * c[3][x]) + (c5 * c[5][x] + c7 * c[7][x]);
-            let o1 = (c3 * c[1][x] - c7 * c[3][x]) - (c1 * c[5][x] + c5 * c[7][x]);
-            let o2 = (c5 * c[1][x] - c1 * c[3][x]) + (c7 * c[5][x] + c3 * c[7][x]);
-            let o3 = (c7 * c[1][x] - c5 * c[3][x]) + (c3 * c[5][x] - c1 * c[7][x]);
-            out[0][x] = e0 + o0;
-            out[1][x] = e1 + o1;
-            out[2][x] = e2 + o2;
-            out[3][x] = e3 + o3;
-            out[4][x] = e3 - o3;
-            out[5][x] = e2 - o2;
-            out[6][x] = e1 - o1;
-            out[7][x] = e0 - o0;
-        }
-        out
-    }
-
-    /// Returns the result of [`inverse`] before saturation, and whether it is certain to be exact.
-    fn inverse_short(coefficients: &[i32; 64]) -> ([i32; 64], bool) {
-        let float = rows(coefficients).map(|row| row.map(|c| c as f32));
-        let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
-        let out = inverse_short_1d(&transposed(&inverse_short_1d(&float)));
-        // Adding 3·2²² rounds, because the sum has no fractional bits.
-        const ROUNDING: f32 = 12_582_912.0;
-        let (mut rounded, mut farthest) = ([0; 64], 0.0f32);
-        for (rounded, &value) in rounded.iter_mut().zip(out.as_flattened()) {
-            let near = value + ROUNDING;
-            *rounded = near.to_bits() as i32 - ROUNDING.to_bits() as i32;
-            farthest = farthest.max((value - (near - ROUNDING)).abs());
-        }
-        (rounded, farthest < bound)
-    }
-
-    /// Scalar version of [`inverse_onto`].
-    fn inverse_onto_plain(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
-        let (rounded, is_certain) = inverse_short(coefficients);
-        add(predicted, &if is_certain { rounded } else { inverse(coefficients) }, out);
-    }
-
     #[test]
     fn both_ways_give_the_same() {
         let mut random = Random(3);
@@ -243,6 +203,10 @@ mod tests {
             inverse_onto_plain(&coefficients, &predicted, &mut y);
             assert_eq!(x, y);
             let mut z = [0; 64];
+            assert!(
+                !Choice::SCALAR.run(ShortInverse { coefficients: &coefficients, predicted: &predicted, out: &mut z })
+                    || x == z
+            );
             inverse_onto_with(Choice::SCALAR, &coefficients, &predicted, &mut z);
             assert_eq!(x, z);
         }
@@ -261,10 +225,10 @@ mod tests {
                         coefficients[random.next(0, 63) as usize] = random.next(size, size);
                     }
                     coefficients[63] ^= 1; // mismatch control
-                    let (rounded, is_certain) = inverse_short(&coefficients);
+                    let Rounded { samples, is_certain } = rounded(&coefficients);
                     if is_certain {
                         certain += 1;
-                        assert_eq!(rounded.map(|sample| sample.clamp(-256, 255)), inverse(&coefficients));
+                        assert_eq!(samples.map(|sample| sample.clamp(-256, 255)), inverse(&coefficients));
                     }
                     let (mut out, predicted) = ([0; 64], std::array::from_fn(|i| 4 * i as u8));
                     inverse_onto(&coefficients, &predicted, &mut out);
@@ -278,10 +242,10 @@ mod tests {
         // A mean of 4½ is on a rounding boundary, so no result is certain.
         let mut middle = [0; 64];
         middle[0] = 36;
-        assert!(!inverse_short(&middle).1);
+        assert!(!rounded(&middle).is_certain);
         let mut off = middle;
         off[0] = 37;
-        assert!(inverse_short(&off).1);
+        assert!(rounded(&off).is_certain);
     }
 
     #[test]

@@ -246,7 +246,8 @@ impl MacroblockWriter {
         for i in 0..self.blocks() as usize {
             let component = if i < 4 { 0 } else { 1 + i % 2 };
             let range = 256 << features.dc_precision;
-            let dc = (self.dc[component] + random.i32(-range..range) / random.i32(4..40)).clamp(range / 8, range * 7 / 8);
+            let dc =
+                (self.dc[component] + random.i32(-range..range) / random.i32(4..40)).clamp(range / 8, range * 7 / 8);
             writer.dc(dc - self.dc[component], component == 0);
             self.dc[component] = dc;
             let mut place = 1;

@@ -1,6 +1,6 @@
 //! Floating-point inverse transform, which detects whether it equals the exact one.
 
-use super::{COSINE, COSINE_BITS};
+use super::{COSINE, COSINE_BITS, rows, transposed};
 use lanes::{Kernel, LANES, Lanes};
 
 /// Half of [`COSINE`], with 24 significant bits.
@@ -99,6 +99,56 @@ fn inverse_1d<L: Lanes>(lanes: L, c: [L::F; LANES]) -> [L::F; LANES] {
     for k in 0..LANES / 2 {
         out[k] = lanes.add(e[k], o[k]);
         out[LANES - 1 - k] = lanes.sub(e[k], o[k]);
+    }
+    out
+}
+
+/// Result of the floating-point transform before saturation.
+pub(super) struct Rounded {
+    pub samples: [i32; 64],
+    /// Whether the rounding is [`certain`].
+    pub is_certain: bool,
+}
+
+/// Computes the transform of [`ShortInverse`] with the same bits, in loops that take little code.
+pub(super) fn rounded(coefficients: &[i32; 64]) -> Rounded {
+    let float = rows(coefficients).map(|row| row.map(|c| c as f32));
+    let bound = certain(coefficients.iter().map(|c| c.abs()).sum());
+    let out = inverse_plain(&transposed(&inverse_plain(&float)));
+    // Adding 3·2²² rounds, because the sum has no fractional bits.
+    const ROUNDING: f32 = 12_582_912.0;
+    let (mut samples, mut farthest) = ([0; 64], 0.0f32);
+    for (sample, &value) in samples.iter_mut().zip(out.as_flattened()) {
+        let near = value + ROUNDING;
+        *sample = near.to_bits() as i32 - ROUNDING.to_bits() as i32;
+        // `f32::max` calls a function on some processors.
+        let distance = (value - (near - ROUNDING)).abs();
+        farthest = if distance > farthest { distance } else { farthest };
+    }
+    Rounded { samples, is_certain: farthest < bound }
+}
+
+/// Computes the one-dimensional inverse transform along the first index.
+#[inline(never)]
+fn inverse_plain(c: &[[f32; 8]; 8]) -> [[f32; 8]; 8] {
+    let [_, c1, c2, c3, c4, c5, c6, c7] = FLOAT_COSINE;
+    let mut out = [[0.0; 8]; 8];
+    for x in 0..8 {
+        let (p, m) = (c4 * (c[0][x] + c[4][x]), c4 * (c[0][x] - c[4][x]));
+        let (q, r) = (c2 * c[2][x] + c6 * c[6][x], c6 * c[2][x] - c2 * c[6][x]);
+        let (e0, e1, e2, e3) = (p + q, m + r, m - r, p - q);
+        let o0 = (c1 * c[1][x] + c3 * c[3][x]) + (c5 * c[5][x] + c7 * c[7][x]);
+        let o1 = (c3 * c[1][x] - c7 * c[3][x]) - (c1 * c[5][x] + c5 * c[7][x]);
+        let o2 = (c5 * c[1][x] - c1 * c[3][x]) + (c7 * c[5][x] + c3 * c[7][x]);
+        let o3 = (c7 * c[1][x] - c5 * c[3][x]) + (c3 * c[5][x] - c1 * c[7][x]);
+        out[0][x] = e0 + o0;
+        out[1][x] = e1 + o1;
+        out[2][x] = e2 + o2;
+        out[3][x] = e3 + o3;
+        out[4][x] = e3 - o3;
+        out[5][x] = e2 - o2;
+        out[6][x] = e1 - o1;
+        out[7][x] = e0 - o0;
     }
     out
 }
