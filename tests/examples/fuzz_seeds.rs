@@ -50,5 +50,8 @@ fn main() {
         seed(&folder, "checkpoint", &format!("kind{kind}"), kind, &[0, 1, 250, 0, 1, 3, 251, 16, 0]);
     }
     seed(&folder, "encoder", "bytes", 0, &(0..=255).collect::<Vec<u8>>());
+    // Streams; tests of `mpeg2dec` use the same one.
+    let stream = include_bytes!("../../mpeg2dec/tests/data/small.m2v");
+    seed(&folder, "decoder", "small.m2v", 255, stream);
     println!("seeds are in {}", folder.display());
 }

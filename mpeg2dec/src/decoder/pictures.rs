@@ -25,7 +25,7 @@ pub(super) struct Started<'a> {
 
 /// State of the frame in decoding.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Stage {
+enum FrameStage {
     /// The slices of a picture are being decoded.
     Slices,
     /// The first field is complete.
@@ -36,7 +36,7 @@ enum Stage {
 struct CurrentFrame {
     picture: DecodedPicture,
     coding: PictureCoding,
-    stage: Stage,
+    stage: FrameStage,
 }
 
 /// Decoder of pictures from slices.
@@ -111,7 +111,7 @@ impl PictureDecoder {
                 frame.user_data.append(user_data);
             }
             self.record.start(columns * coding.rows);
-            (current.coding, current.stage) = (coding, Stage::Slices);
+            (current.coding, current.stage) = (coding, FrameStage::Slices);
             return;
         }
         let is_b = header.kind == PictureType::B;
@@ -135,7 +135,7 @@ impl PictureDecoder {
             time: started.time,
             damage: PictureDamage::default(),
         };
-        self.current = Some(CurrentFrame { picture, coding, stage: Stage::Slices });
+        self.current = Some(CurrentFrame { picture, coding, stage: FrameStage::Slices });
     }
 
     /// Returns free frame memory. It is gray if a picture without references was requested.
@@ -179,7 +179,8 @@ impl PictureDecoder {
 
     /// Returns whether a picture is the second field of the current frame.
     fn completes_current(&self, header: &CodedHeader) -> bool {
-        let Some(current) = self.current.as_ref().filter(|current| current.stage == Stage::SecondFieldMissing) else {
+        let Some(current) = self.current.as_ref().filter(|current| current.stage == FrameStage::SecondFieldMissing)
+        else {
             return false;
         };
         let first = &current.coding.header;
@@ -190,7 +191,7 @@ impl PictureDecoder {
 
     /// Decodes a slice with the last byte of its start code.
     pub fn slice(&mut self, code: u8, data: &[u8]) {
-        let Some(CurrentFrame { picture, coding, stage: Stage::Slices }) = &mut self.current else { return };
+        let Some(CurrentFrame { picture, coding, stage: FrameStage::Slices }) = &mut self.current else { return };
         let Some(frame) = Arc::get_mut(&mut picture.frame) else { return };
         let references = self.references.of(coding.is_b());
         let slice = SliceDecoder::new(coding, references, frame, &mut self.record, data);
@@ -201,7 +202,7 @@ impl PictureDecoder {
 
     /// Ends the slices of a picture: conceals missing macroblocks, and shows the frame unless a field is missing.
     pub fn finish(&mut self, show: &mut dyn FnMut(DecodedPicture)) {
-        let Some(current) = self.current.as_mut().filter(|current| current.stage == Stage::Slices) else { return };
+        let Some(current) = self.current.as_mut().filter(|current| current.stage == FrameStage::Slices) else { return };
         let CurrentFrame { picture, coding, stage } = current;
         let references = self.references.of(coding.is_b());
         if let Some(frame) = Arc::get_mut(&mut picture.frame) {
@@ -211,14 +212,14 @@ impl PictureDecoder {
         if coding.is_frame() || coding.is_second_field {
             self.show_current(show);
         } else {
-            *stage = Stage::SecondFieldMissing;
+            *stage = FrameStage::SecondFieldMissing;
         }
     }
 
     /// Ends the current frame, and doubles the lines of a field without the other one.
     fn show_current(&mut self, show: &mut dyn FnMut(DecodedPicture)) {
         let Some(CurrentFrame { mut picture, coding, stage }) = self.current.take() else { return };
-        if stage == Stage::SecondFieldMissing
+        if stage == FrameStage::SecondFieldMissing
             && let Some(frame) = Arc::get_mut(&mut picture.frame)
         {
             frame.double_lines(coding.parity());

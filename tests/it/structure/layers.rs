@@ -4,15 +4,17 @@ use super::{CRATES, root};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Crates, and names forbidden among their direct and indirect dependencies.
-const NEVER: [(&str, &[&str]); 12] = [
+const NEVER: [(&str, &[&str]); 14] = [
     ("support/lanes", &["glam", "rayon", "serde", "ranks", "plane"]),
     ("support/plane", &["glam", "rayon", "ranks", "render-core"]),
     ("support/threads", &["plane", "lanes", "ranks", "glam", "serde"]),
     ("support/ranks", &["plane", "serde", "render-core", "pipeline", "mpi"]),
     ("support/lightfield", &["plane", "render-core", "gltf"]),
+    ("support/mpeg2", &["plane", "rayon", "ranks", "render-core"]),
     ("lighttree", &["render-core", "perceptual", "mpeg2enc", "pipeline", "gltf"]),
     ("perceptual", &["render-core", "lighttree", "mpeg2enc", "pipeline"]),
     ("mpeg2enc", &["render-core", "lighttree", "perceptual", "pipeline", "glam"]),
+    ("mpeg2dec", &["mpeg2enc", "rayon", "glam", "render-core", "pipeline"]),
     ("render-core", &["lighttree", "perceptual", "mpeg2enc", "pipeline"]),
     ("pipeline/loop", &["render-core", "lighttree", "mpeg2enc", "renderer", "clap", "image", "gltf", "minijinja"]),
     ("pipeline/renderer", &["mpeg2enc", "render2mpeg", "laboratory", "minijinja", "anyhow", "indicatif"]),

@@ -14,15 +14,17 @@ mod words;
 use std::path::{Path, PathBuf};
 
 /// Folders of the program's crates.
-const CRATES: [&str; 14] = [
+const CRATES: [&str; 16] = [
     "support/lanes",
     "support/plane",
     "support/threads",
     "support/ranks",
     "support/lightfield",
+    "support/mpeg2",
     "lighttree",
     "perceptual",
     "mpeg2enc",
+    "mpeg2dec",
     "render-core",
     "pipeline/loop",
     "pipeline/renderer",
