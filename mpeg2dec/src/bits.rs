@@ -1,6 +1,7 @@
 //! Bit reader over one syntax unit.
 
 /// Reads bits of a slice of bytes, most significant bit first. Zero bits follow the last byte.
+#[derive(Clone, Copy)]
 pub(crate) struct BitReader<'a> {
     bytes: &'a [u8],
     /// Index of the next byte to load; exceeds the length after the end.

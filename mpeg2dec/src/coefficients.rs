@@ -117,7 +117,10 @@ impl Coefficients {
 
     /// Reads a block into zeroed values. `MPEG1` selects the escape codes and the mismatch control.
     #[inline(always)]
-    pub fn read<const MPEG1: bool>(&mut self, bits: &mut BitReader, block: &BlockQuantiser) -> Result<(), Invalid> {
+    pub fn read<const MPEG1: bool>(&mut self, reader: &mut BitReader, block: &BlockQuantiser) -> Result<(), Invalid> {
+        // A copy stays in registers.
+        let mut copy = *reader;
+        let bits = &mut copy;
         let mut place = 0;
         let mut parity = 0;
         // k of 7.4.2.3 is 0 in intra blocks.
@@ -154,7 +157,9 @@ impl Coefficients {
             if MPEG1 && value > 0 {
                 value = (value - 1) | 1; // even values become odd, toward zero (11172-2, 2.4.4.1)
             }
-            let value = if negative { (-value).max(-2048) } else { value.min(2047) };
+            // Signs are random, so a branch would be slow.
+            let sign = -i32::from(negative);
+            let value = ((value ^ sign) - sign).clamp(-2048, 2047);
             self.values[usize::from(index) % 64] = value;
             parity ^= value;
             self.has_ac |= place > 0;
@@ -166,6 +171,7 @@ impl Coefficients {
         if !MPEG1 && parity & 1 == 0 {
             self.values[63] ^= 1;
         }
+        *reader = copy;
         Ok(())
     }
 

@@ -15,7 +15,7 @@ impl FrameShape {
     /// Returns the width and height of luma (0) or chroma (1, 2) in samples.
     pub fn plane(&self, component: usize) -> [usize; 2] {
         let [x, y] = if component == 0 { [0, 0] } else { self.shifts };
-        [16 * self.macroblocks[0] >> x, 16 * self.macroblocks[1] >> y]
+        [(16 * self.macroblocks[0]) >> x, (16 * self.macroblocks[1]) >> y]
     }
 }
 

@@ -138,7 +138,7 @@ impl<'a> ReferencePlane<'a> {
     /// Returns the samples around a corner outside the plane. Only damaged streams have such vectors.
     #[cold]
     fn clamped(&self, corner: [i32; 2]) -> [[u8; 17]; 17] {
-        let clamp = |i: usize, position: i32| position.clamp(0, self.size[i] as i32 - 1) as usize;
+        let clamp = |i: usize, position: i32| position.max(0).min(self.size[i] as i32 - 1) as usize;
         std::array::from_fn(|y| {
             let row = &self.samples[clamp(1, corner[1] + y as i32) * self.stride..];
             std::array::from_fn(|x| row[clamp(0, corner[0] + x as i32)])

@@ -66,21 +66,19 @@ impl VectorCoding {
         let has_field_select = two || motion.kind == MotionKind::Field;
         // Vectors of fields in a frame picture have predictors in frame lines.
         let halved = self.in_frame && motion.kind != MotionKind::Frame;
-        for r in 0..=usize::from(two) {
+        for (r, predictor) in predictors.iter_mut().enumerate().take(1 + usize::from(two)) {
             if has_field_select {
                 motion.field[r][s] = bits.read(1) as usize;
             }
-            let mut vector = predictors[r][s];
-            if halved {
-                vector[1] >>= 1;
-            }
-            for t in 0..2 {
-                vector[t] = component(bits, vector[t], self.f_code[t])?;
+            let [x, y] = predictor[s];
+            let mut vector = [x, if halved { y >> 1 } else { y }];
+            for (t, (value, f_code)) in vector.iter_mut().zip(self.f_code).enumerate() {
+                *value = component(bits, *value, f_code)?;
                 if motion.kind == MotionKind::Dual {
                     motion.dual[t] = dual_difference(bits);
                 }
             }
-            predictors[r][s] = if halved { [vector[0], 2 * vector[1]] } else { vector };
+            predictor[s] = if halved { [vector[0], 2 * vector[1]] } else { vector };
             motion.vectors[r][s] = if self.full_pel { vector.map(|v| 2 * v) } else { vector };
         }
         if !two {

@@ -36,7 +36,7 @@ pub(super) fn program_map_pid(section: &[u8]) -> Option<u16> {
     if *section.first()? != 0 {
         return None;
     }
-    let programs = section.get(8..section.len() - 4)?;
+    let programs = section.get(8..section.len().saturating_sub(4))?;
     // Program 0 refers to network information.
     let program = programs.chunks_exact(4).find(|program| program[..2] != [0, 0])?;
     Some(u16::from_be_bytes([program[2] & 0x1f, program[3]]))
@@ -48,7 +48,7 @@ pub(super) fn video_pid(section: &[u8]) -> Option<u16> {
         return None;
     }
     let descriptors = usize::from(u16::from_be_bytes([*section.get(10)? & 0x0f, *section.get(11)?]));
-    let mut streams = section.get(12 + descriptors..section.len() - 4)?;
+    let mut streams = section.get(12 + descriptors..section.len().saturating_sub(4))?;
     while let [kind, high, low, info_high, info_low, rest @ ..] = streams {
         if VIDEO_TYPES.contains(kind) {
             return Some(u16::from_be_bytes([high & 0x1f, *low]));
@@ -71,7 +71,10 @@ mod tests {
             [2, 0xb0, 23, 0, 1, 0xc1, 0, 0, 0xe1, 0, 0xf0, 0, 3, 0xe1, 1, 0xf0, 0, 2, 0xe1, 0, 0xf0, 0, 1, 2, 3, 4];
         assert_eq!(video_pid(&map), Some(0x100));
         for length in 0..map.len() {
-            let _ = video_pid(&map[..length]);
+            let _ = (video_pid(&map[..length]), program_map_pid(&map[..length]));
+        }
+        for length in 0..8 {
+            assert_eq!(program_map_pid(&association[..length]), None);
         }
         // A section in two packets.
         assert_eq!(reader.push(&association[..6], true), None);

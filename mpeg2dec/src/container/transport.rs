@@ -16,6 +16,8 @@ const ASSOCIATION_PID: u16 = 0;
 /// Demultiplexer of transport streams.
 pub(super) struct TransportDemuxer {
     packet_size: usize,
+    /// Whether a packet ended at the start of the next bytes.
+    is_synchronous: bool,
     /// Bytes of an incomplete packet.
     buffer: Vec<u8>,
     clock: TimeUnwrapper,
@@ -68,6 +70,7 @@ impl TransportDemuxer {
     pub fn new(packet_size: usize) -> Self {
         Self {
             packet_size,
+            is_synchronous: false,
             buffer: Vec::new(),
             clock: TimeUnwrapper::default(),
             association: SectionReader::default(),
@@ -107,14 +110,20 @@ impl TransportDemuxer {
     /// Processes complete packets and returns the number of their bytes.
     fn packets(&mut self, bytes: &[u8], receive: &mut dyn FnMut(DemuxedData)) -> usize {
         let mut position = 0;
-        // A packet is accepted if a sync byte follows it too.
-        while position + self.packet_size < bytes.len() {
-            if bytes[position] == SYNC && bytes[position + self.packet_size] == SYNC {
-                self.packet(&bytes[position..position + PACKET], receive);
-                position += self.packet_size;
-            } else {
-                position += 1;
+        // After other bytes, a packet is accepted only if a sync byte follows it too.
+        while let Some(unit) = bytes.get(position..position + self.packet_size) {
+            let packet = &unit[..PACKET];
+            if packet[0] == SYNC && !self.is_synchronous {
+                match bytes.get(position + self.packet_size) {
+                    Some(&next) => self.is_synchronous = next == SYNC,
+                    None => break,
+                }
             }
+            self.is_synchronous &= packet[0] == SYNC;
+            if self.is_synchronous {
+                self.packet(packet, receive);
+            }
+            position += if self.is_synchronous { self.packet_size } else { 1 };
         }
         position
     }

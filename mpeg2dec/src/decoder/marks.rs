@@ -26,8 +26,9 @@ impl TimeMarks {
     /// Removes the time stamps up to a stream offset and returns the last one.
     pub fn take(&mut self, offset: u64) -> Option<i64> {
         let mut time = None;
-        while let Some(mark) = self.0.pop_front_if(|mark| mark.offset <= offset) {
+        while let Some(mark) = self.0.front().filter(|mark| mark.offset <= offset) {
             time = Some(mark.time);
+            self.0.pop_front();
         }
         time
     }

@@ -114,6 +114,21 @@ fn garbage_before_the_first_start_code() {
 }
 
 #[test]
+fn garbage_between_transport_packets() {
+    let stream = encoded("96x64", "ts", "-pix_fmt yuv420p -c:v mpeg2video -bf 2 -q:v 5 -g 6");
+    let mut random = fastrand::Rng::with_seed(3);
+    let mut with_garbage = Vec::new();
+    for (number, packet) in stream.chunks(188).enumerate() {
+        with_garbage.extend_from_slice(packet);
+        if number % 5 == 0 {
+            // Any bytes except the sync byte.
+            with_garbage.extend((0..random.usize(1..300)).map(|_| random.u8(..) & 0xbf | 0x80));
+        }
+    }
+    assert_eq!(decoded(&with_garbage, 1000).raw(), decoded(&stream, 1000).raw());
+}
+
+#[test]
 fn truncated_last_picture() {
     let stream = elementary();
     let last = *offsets(&stream, 0).last().expect("pictures");

@@ -50,7 +50,7 @@ fn inverse_1d(c: &[[i32; 8]; 8], shift: u32) -> [[i32; 8]; 8] {
     out
 }
 
-#[inline(always)]
+#[inline(never)]
 fn transposed<T: Copy + Default>(block: &[[T; 8]; 8]) -> [[T; 8]; 8] {
     let mut out = [[T::default(); 8]; 8];
     for y in 0..8 {

@@ -41,6 +41,16 @@ impl Motion {
     }
 }
 
+/// Vectors of one direction.
+#[derive(Clone, Copy)]
+struct Values {
+    vectors: [[i32; 2]; 2],
+    /// dmvector.
+    dual: [i32; 2],
+    /// motion_vertical_field_select of each vector.
+    fields: [u32; 2],
+}
+
 /// Writer of the macroblocks of a slice.
 pub struct MacroblockWriter {
     picture: CodedPicture,
@@ -126,8 +136,8 @@ impl MacroblockWriter {
             }
         }
         for s in (0..2).filter(|&s| directions[s] && !motion.is_dual()) {
-            for r in 0..=usize::from(motion.has_two()) {
-                vectors[r][s] = self.random_vector(random, at, motion, r);
+            for (r, vector) in vectors.iter_mut().enumerate().take(1 + usize::from(motion.has_two())) {
+                vector[s] = self.random_vector(random, at, motion, r);
             }
         }
         if has_types && has_motion && (in_frame || self.picture.parity.is_some()) {
@@ -143,7 +153,8 @@ impl MacroblockWriter {
             dual = [0; 2];
         }
         for s in (0..2).filter(|&s| directions[s]) {
-            self.vectors(writer, random, s, motion, [vectors[0][s], vectors[1][s], dual]);
+            let fields = [random.u32(0..2), random.u32(0..2)];
+            self.vectors(writer, s, motion, Values { vectors: [vectors[0][s], vectors[1][s]], dual, fields });
         }
         if !has_motion {
             self.predictors = Default::default();
@@ -192,22 +203,22 @@ impl MacroblockWriter {
     }
 
     /// Writes one or two vectors, and the difference of dual-prime prediction.
-    fn vectors(&mut self, writer: &mut Writer, random: &mut Rng, s: usize, motion: Motion, values: [[i32; 2]; 3]) {
+    fn vectors(&mut self, writer: &mut Writer, s: usize, motion: Motion, values: Values) {
         let f_code = self.picture.f_code();
         for r in 0..=usize::from(motion.has_two()) {
             if motion.has_two() || !motion.in_frame && !motion.is_dual() {
-                writer.put(random.u32(0..2), 1); // motion_vertical_field_select
+                writer.put(values.fields[r], 1); // motion_vertical_field_select
             }
             let halved = motion.in_frame && motion.is_field();
             let predicted = self.predictors[r][s];
             let predicted = if halved { [predicted[0], predicted[1] >> 1] } else { predicted };
             for t in 0..2 {
-                writer.motion(values[r][t] - predicted[t], f_code[t]);
+                writer.motion(values.vectors[r][t] - predicted[t], f_code[t]);
                 if motion.is_dual() {
-                    writer.dual_difference(values[2][t]);
+                    writer.dual_difference(values.dual[t]);
                 }
             }
-            let [x, y] = values[r];
+            let [x, y] = values.vectors[r];
             self.predictors[r][s] = if halved { [x, 2 * y] } else { [x, y] };
         }
         if !motion.has_two() {
@@ -234,7 +245,8 @@ impl MacroblockWriter {
         if features.concealment {
             let motion = Motion { code: if in_frame { 2 } else { 1 }, in_frame };
             let vector = self.random_vector(random, at, motion, 0);
-            self.vectors(writer, random, 0, motion, [vector, [0; 2], [0; 2]]);
+            let fields = [random.u32(0..2); 2];
+            self.vectors(writer, 0, motion, Values { vectors: [vector; 2], dual: [0; 2], fields });
             writer.put(1, 1);
         } else {
             self.predictors = Default::default();
