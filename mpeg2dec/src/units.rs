@@ -77,6 +77,9 @@ impl UnitSplitter {
 
     /// Removes the first bytes of the buffer.
     fn discard(&mut self, count: usize) {
+        if count == 0 {
+            return;
+        }
         self.buffer.copy_within(count.., 0);
         self.buffer.truncate(self.buffer.len() - count);
         self.base += count as u64;

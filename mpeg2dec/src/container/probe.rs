@@ -18,8 +18,9 @@ const PACK: u8 = 0xba;
 pub(super) fn probe(start: &[u8], is_last: bool) -> Option<StreamFormat> {
     // Streams without garbage are recognized at once.
     match start {
-        [0, 0, 1, 0xb3, ..] => return Some(StreamFormat::Elementary),
+        [0, 0, 1, 0..=0xb8, ..] => return Some(StreamFormat::Elementary),
         [0, 0, 1, PACK, ..] => return Some(StreamFormat::Program),
+        [0, 0, 1, id, ..] if is_video(*id) => return Some(StreamFormat::Program),
         _ => {}
     }
     if let Some(packet_size) = transport_packet_size(start, is_last) {

@@ -62,8 +62,10 @@ impl ProgramDemuxer {
         while let Some(used) = self.step(position, is_last, receive) {
             position += used;
         }
-        self.buffer.copy_within(position.., 0);
-        self.buffer.truncate(self.buffer.len() - position);
+        if position > 0 {
+            self.buffer.copy_within(position.., 0);
+            self.buffer.truncate(self.buffer.len() - position);
+        }
     }
 
     /// Processes bytes from `position` on and returns their number. `None` if more bytes are needed.
