@@ -54,15 +54,36 @@ pub struct Demuxer(DemuxerState);
 /// State of a demultiplexer.
 enum DemuxerState {
     /// Bytes before the format is recognized.
-    Unknown(Vec<u8>),
+    Unknown(FirstBytes),
     Elementary,
     Program(Box<ProgramDemuxer>),
     Transport(Box<TransportDemuxer>),
 }
 
+/// First bytes of a stream.
+#[derive(Default)]
+struct FirstBytes {
+    bytes: Vec<u8>,
+    /// Number of bytes at which recognition is tried again. It doubles, because each try reads all bytes.
+    next_probe: usize,
+}
+
+impl FirstBytes {
+    /// Adds bytes and returns the format, if it is recognized.
+    fn add(&mut self, bytes: &[u8], is_last: bool) -> Option<StreamFormat> {
+        self.bytes.extend_from_slice(bytes);
+        let is_last = is_last || self.bytes.len() >= probe::BYTES_MAX;
+        if self.bytes.len() < self.next_probe && !is_last {
+            return None;
+        }
+        self.next_probe = (2 * self.bytes.len()).max(4);
+        probe(&self.bytes, is_last)
+    }
+}
+
 impl Default for DemuxerState {
     fn default() -> Self {
-        Self::Unknown(Vec::new())
+        Self::Unknown(FirstBytes::default())
     }
 }
 
@@ -77,8 +98,7 @@ impl Demuxer {
             DemuxerState::Unknown(start) => {
                 // Copy only the bytes needed for recognition.
                 let (head, rest) = bytes.split_at(bytes.len().min(probe::BYTES_MAX));
-                start.extend_from_slice(head);
-                let Some(format) = probe(start, !rest.is_empty() || start.len() >= probe::BYTES_MAX) else { return };
+                let Some(format) = start.add(head, !rest.is_empty()) else { return };
                 self.begin(format, receive);
                 self.extract(rest, receive);
             }
@@ -99,14 +119,14 @@ impl Demuxer {
             }
         };
         if let DemuxerState::Unknown(start) = std::mem::replace(&mut self.0, state) {
-            self.extract(&start, receive);
+            self.extract(&start.bytes, receive);
         }
     }
 
     /// Ends the stream. The demultiplexer then accepts another one.
     pub fn flush(&mut self, mut receive: impl FnMut(DemuxedData)) {
-        if let DemuxerState::Unknown(start) = &self.0
-            && let Some(format) = probe(start, true)
+        if let DemuxerState::Unknown(start) = &mut self.0
+            && let Some(format) = start.add(&[], true)
         {
             self.begin(format, &mut receive);
         }

@@ -147,6 +147,7 @@ pub fn measure_distances(stream: &[u8], packets: &[Packet], what: &str, distance
         ("ffmpeg", decode_ffmpeg(stream, width, height, "faani")),
         ("mpeg2dec", decode_mpeg2dec(stream, width, height)),
     ];
+    check_own_decoder(stream, packets);
     let predictions = predictions(packets);
     for ((decoder, frames), sum) in decoders.into_iter().zip(distances) {
         assert_eq!(frames.len(), packets.len(), "{decoder} must show every picture of {what}");
@@ -321,6 +322,23 @@ pub fn check_decoders(stream: &[u8], packets: &[Packet], at_least: f64) {
     let (width, height) = (packets[0].reconstruction.width(), packets[0].reconstruction.height());
     check_agreement("ffmpeg", &decode_ffmpeg(stream, width, height, "auto"), packets, at_least);
     check_agreement("mpeg2dec", &decode_mpeg2dec(stream, width, height), packets, at_least);
+    check_own_decoder(stream, packets);
+}
+
+/// Checks that the decoder of this project shows exactly the reconstructions.
+fn check_own_decoder(stream: &[u8], packets: &[Packet]) {
+    let (mut decoder, mut count) = (mpeg2dec::Decoder::default(), 0);
+    let mut show = |picture: mpeg2dec::DecodedPicture| {
+        let planes = packets[count].reconstruction.planes();
+        for (plane, component) in planes.into_iter().zip(mpeg2dec::SampleComponent::ALL) {
+            let rows = picture.plane(component);
+            assert!(rows.rows().eq(plane.rows()), "{component:?} of picture {count} differs from the reconstruction");
+        }
+        count += 1;
+    };
+    decoder.push(stream, &mut show);
+    decoder.flush(&mut show);
+    assert_eq!(count, packets.len(), "{:?}", decoder.counts());
 }
 
 /// Returns the agreement of decoded pictures with the reconstructions in dB, after checking its minimum.
