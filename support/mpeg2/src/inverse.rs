@@ -83,8 +83,8 @@ fn inverse(coefficients: &[i32; 64]) -> [i32; 64] {
 
 /// Adds the inverse transform to a prediction and saturates the sum (7.6.8).
 ///
-/// A 24-bit transform suffices if all values are far enough from rounding boundaries; its result then equals [`inverse`].
-/// Otherwise, for about one block in thirty, [`inverse`] itself is used.
+/// A 24-bit transform suffices if all values are far enough from rounding boundaries; its result is then exact.
+/// Otherwise, for about one block in thirty, the exact transform is used.
 #[inline]
 pub fn inverse_onto(coefficients: &[i32; 64], predicted: &[u8; 64], out: &mut [u8; 64]) {
     inverse_onto_with(Choice::best(), coefficients, predicted, out);
