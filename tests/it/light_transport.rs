@@ -183,7 +183,7 @@ fn cuts_keep_their_distance_from_all_lights() {
     let folder = tempfile::tempdir().unwrap();
     let film = |name: &str, more: &str| {
         // One lightcut per pixel, without cache and compensation.
-        let film = "--size 96x96 --frames 1 --vpls 2000 --photons 200000 --cache off --compensation off";
+        let film = "--size 96x96 --frames 1 --vpls 2000 --photons 200000 --cache off --compensation off --samples 1";
         let arguments = format!("{film} --exr {name} --exr-depth float {more}");
         render(folder.path(), name, &cornell(), &arguments).figures(&["cut_size_mean"])[0]
     };

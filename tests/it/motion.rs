@@ -4,7 +4,7 @@ use glam::{Vec3, vec3};
 use mpeg2enc::{Packet, Picture, PictureType};
 use plane::Correspondence;
 use render2mpeg::Options;
-use renderer::settings::Thresholds;
+use renderer::settings::{SampleCount, Thresholds};
 use std::path::Path;
 use std::sync::Arc;
 use tests::{Moving, checkered_room, cornell, correspondences, encode, load, read_y4m, render_as_coded};
@@ -27,6 +27,8 @@ fn bits(folder: &Path, name: &str, path: &Path) -> [f64; 3] {
     let options = Options {
         frames: Some(FRAMES),
         size: "96x96".parse().ok(),
+        // Motion belongs to the surfaces at the pixels' centers.
+        samples: Some(SampleCount::Each(1)),
         vpls: Some(400),
         photons: Some(20_000),
         output: Some(folder.join(format!("{name}.m2v"))),
