@@ -138,7 +138,7 @@ fn a_run_has_a_page() {
     let folder = folder_with_room();
     render(folder.path(), "film", &folder.path().join("room.glb"), &format!("{COMMON} --html film.html"));
     // Stage times, bits, PSNR, cuts, thresholds, reprojected light and rays; κ and the quantiser are constant.
-    check_page(&folder.path().join("film.html"), 7);
+    check_page(&folder.path().join("film.html"), 8);
 }
 
 #[test]
