@@ -93,18 +93,7 @@ vectorized! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
-
-    fn basis(frequency: usize, position: usize) -> f64 {
-        let scale = if frequency == 0 { 0.125f64.sqrt() } else { 0.5 };
-        scale * ((2 * position + 1) as f64 * frequency as f64 * PI / 16.0).cos()
-    }
-
-    /// Transforms rows, then columns with `f(output index, input index)`: the definition in f64.
-    fn separable(values: [f64; 64], f: impl Fn(usize, usize) -> f64) -> [f64; 64] {
-        let rows: [f64; 64] = std::array::from_fn(|i| (0..8).map(|k| values[i / 8 * 8 + k] * f(i % 8, k)).sum());
-        std::array::from_fn(|i| (0..8).map(|k| rows[8 * k + i % 8] * f(i / 8, k)).sum())
-    }
+    use plane::dct_definition;
 
     /// Transposes rows and columns.
     fn turned<T: Copy>(block: [T; 64]) -> [T; 64] {
@@ -112,7 +101,7 @@ mod tests {
     }
 
     fn forward_definition(samples: &[i32; 64]) -> [f64; 64] {
-        turned(separable(samples.map(f64::from), basis))
+        turned(dct_definition(&samples.map(f64::from)))
     }
 
     /// Returns the random numbers of IEEE 1180-1990: uniform integers in −low … high.

@@ -1,30 +1,32 @@
 //! Further samples of a lit frame.
 
 use super::Shading;
-use super::fine::{CodeCurve, FinePixels, FirstSample};
-use super::samples::{Common, SamplesLight};
+use super::fine::{CodeCurve, FinePixels, FirstSample, rough_pixels};
+use super::samples::{Common, SampleSurfaces, SamplesLight};
 use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
 use render_core::{GBuffer, PosedScene};
 
 impl Shading<'_> {
-    /// Lights further samples of the pixels that need them.
+    /// Lights further samples of the pixels that need them. `centers` are the surfaces of the first sample.
     pub(super) fn light_finer(
         &mut self,
         prepared: &PreparedFrame,
         common: Common,
         tolerance: &Tolerance,
+        centers: &SampleSurfaces,
         lit: &mut SamplesLight,
     ) {
         // Choose the pixels by the light of the first sample.
         let (frame, seen) = (&prepared.frame, &*prepared.frame.seen);
         let (width, height) = (seen.pixels.width(), seen.pixels.height());
-        let curve = CodeCurve::of(&lit.samples[0].whole(), &self.settings);
-        let mut fine =
-            lit.visibility.measure(|| FinePixels::choose(seen, &lit.samples[0], lit.coverage.as_ref(), &curve));
+        let light = lit.samples[0].whole();
+        let curve = CodeCurve::of(&light, &self.settings);
+        let pixels = lit.visibility.measure(|| rough_pixels(seen, &light, lit.coverage.as_ref(), &curve));
+        let mut fine = FinePixels::new(pixels, &lit.samples[0]);
+
         // Light sample after sample, while pixels need one.
         let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
-        let centers = self.surfaces_of(frame, None);
         let matte = centers.below.as_ref().unwrap_or(seen);
         let first = FirstSample { matte, indirect: &lit.samples[0].indirect, coats: lit.coats.as_ref() };
         while let Some((place, wanted)) = fine.next(width, height, &curve) {

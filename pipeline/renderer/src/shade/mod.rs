@@ -388,10 +388,12 @@ impl Shading<'_> {
             lit.samples.push(light);
             lit.direct.add_counts(of_direct);
             lit.indirect.add_counts(of_indirect);
-        }
-        if self.plan.is_on(Stage::FineSamples) {
-            lit.coverage = self.coverage(frame, &lit.samples[0], false, &lit.visibility);
-            self.light_finer(prepared, common, tolerance, &mut lit);
+
+            // Add further samples where this one is not enough.
+            if self.plan.is_on(Stage::FineSamples) {
+                lit.coverage = self.coverage(frame, &lit.samples[0], false, &lit.visibility);
+                self.light_finer(prepared, common, tolerance, &of_sample, &mut lit);
+            }
         }
         lit.places = movement.places;
         self.finished(prepared, lit, figures)

@@ -18,9 +18,8 @@ use glam::Vec3;
 use perceptual::PixelFragment;
 use pipeline::stage::Outline;
 use plane::Plane;
-use render_core::{Coverage, GBuffer, PixelSample, sample_offsets};
-pub(super) use rough::CodeCurve;
-use rough::rough_pixels;
+use render_core::{PixelSample, sample_offsets};
+pub(super) use rough::{CodeCurve, rough_pixels};
 use serde::{Deserialize, Serialize};
 
 /// Number of samples of a rough pixel, and of a pixel in which these differ.
@@ -41,9 +40,8 @@ pub(super) struct FinePixels {
 }
 
 impl FinePixels {
-    /// Chooses the pixels of `seen` that need further samples. `first` is the light of the pixel centers.
-    pub fn choose(seen: &GBuffer, first: &Sample, coverage: Option<&Coverage>, curve: &CodeCurve) -> Self {
-        let pixels = rough_pixels(seen, &first.whole(), coverage, curve);
+    /// Creates the fine `pixels`, given by ascending index. `first` is the light of the pixel centers.
+    pub fn new(pixels: Vec<u32>, first: &Sample) -> Self {
         let counts = vec![1; pixels.len()];
         let mut fine = Self { pixels, counts, samples: Vec::new() };
         fine.keep(first);
@@ -61,7 +59,7 @@ impl FinePixels {
         let number = self.samples.len();
         let count = *COUNTS.iter().find(|&&count| number < count)?;
         // After the first samples, continue only where these differ.
-        let spread = (number >= COUNTS[0]).then(|| self.spread(curve));
+        let spread = (number == COUNTS[0]).then(|| self.spread(curve));
         let mut wanted = Plane::filled(width, height, false);
         let mut is_any = false;
         for (place, &pixel) in self.pixels.iter().enumerate() {

@@ -28,7 +28,7 @@ const LEAST_ALBEDO: f32 = 0.02;
 
 /// Returns the indices of the rough pixels of `seen`, ascending. `light` is the radiance of the pixel centers.
 /// `coverage` contains the surfaces of pixels that outlines cross.
-pub(super) fn rough_pixels(
+pub(in crate::shade) fn rough_pixels(
     seen: &GBuffer,
     light: &Plane<Vec3>,
     coverage: Option<&Coverage>,
