@@ -3,7 +3,6 @@
 use super::Shading;
 use super::fine::{CodeCurve, FinePixels, FirstSample, rough_pixels};
 use super::samples::{Common, SampleSurfaces, SamplesLight};
-use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
 use render_core::{GBuffer, PosedScene};
 
@@ -13,7 +12,6 @@ impl Shading<'_> {
         &mut self,
         prepared: &PreparedFrame,
         common: Common,
-        tolerance: &Tolerance,
         centers: &SampleSurfaces,
         lit: &mut SamplesLight,
     ) {
@@ -33,7 +31,7 @@ impl Shading<'_> {
             let own = lit.visibility.take(GBuffer::trace_wanted(place, scene, &seen.view, &wanted));
             let of_sample = self.surfaces_of(frame, Some(own));
             let visible = of_sample.visible(prepared, fine.count(), common);
-            let (light, cost) = self.layers.further_sample(&visible, &wanted, tolerance, &first);
+            let (light, cost) = self.layers.further_sample(&visible, &wanted, common.tolerance, &first);
             fine.add(&light, &wanted);
             lit.direct.add_counts(cost);
         }

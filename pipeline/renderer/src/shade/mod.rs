@@ -359,7 +359,7 @@ impl Shading<'_> {
         let known = known.as_ref().map(|known| known as &dyn KnownLight);
         #[cfg(not(feature = "bake"))]
         let known = None;
-        let common = Common { movement: &movement, known, ranks: &*ranks };
+        let common = Common { movement: &movement, known, ranks: &*ranks, tolerance };
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         for sample in 0..self.settings.samples.most() as usize {
             // After the first sample, select the pixels by importance.
@@ -392,7 +392,7 @@ impl Shading<'_> {
             // Add further samples where this one is not enough.
             if self.plan.is_on(Stage::FineSamples) {
                 lit.coverage = self.coverage(frame, &lit.samples[0], false, &lit.visibility);
-                self.light_finer(prepared, common, tolerance, &of_sample, &mut lit);
+                self.light_finer(prepared, common, &of_sample, &mut lit);
             }
         }
         lit.places = movement.places;

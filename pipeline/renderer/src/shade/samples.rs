@@ -7,6 +7,7 @@ use super::layer::{Lit, Visible};
 use super::lit_frame::Reused;
 use super::movement::{InstancePose, Movement};
 use super::sample::Sample;
+use super::tolerance::Tolerance;
 use crate::frame::PreparedFrame;
 use glam::Vec3;
 use plane::Plane;
@@ -45,6 +46,8 @@ pub(super) struct Common<'a> {
     /// Light that is known before the frame is lit.
     pub known: Option<&'a dyn KnownLight>,
     pub ranks: &'a dyn Ranks,
+    /// Permitted errors of the pixels.
+    pub tolerance: &'a Tolerance<'a>,
 }
 
 /// Visible surfaces of one sample of each pixel.
@@ -62,7 +65,7 @@ pub(super) struct SampleSurfaces<'f> {
 impl SampleSurfaces<'_> {
     /// Returns the surfaces for a [`Layer`](super::layer::Layer). `sample` is the sample's number within pixels.
     pub fn visible<'a>(&'a self, prepared: &'a PreparedFrame, sample: usize, common: Common<'a>) -> Visible<'a> {
-        let Common { movement, known, ranks } = common;
+        let Common { movement, known, ranks, .. } = common;
         // Use the G-buffer for samples at the pixel centers.
         let surfaces = self.own.as_ref().unwrap_or(self.seen);
         Visible {
