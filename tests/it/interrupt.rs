@@ -105,9 +105,9 @@ fn ctrl_c_ends_the_stream_in_order() {
 fn a_second_signal_ends_the_film_at_once() {
     for (ending, options) in [("m2v", ""), ("mpg", ""), ("ts", ""), ("mp4", "--gop 4"), ("mkv", "--gop 4")] {
         let folder = tempfile::tempdir().unwrap();
-        // Frames take a few seconds each, and the first signal alone would wait for them.
+        // Frames take about a second each, and the first signal alone would wait for them.
         let words = format!(
-            "--output film.{ending} --size 128x128 --frames 5000 --vpls 20000 --photons 3000000 --quiet {options}"
+            "--output film.{ending} --size 128x128 --frames 5000 --vpls 5000 --photons 700000 --quiet {options}"
         );
         let mut film = Film::with_options(folder.path(), &format!("film.{ending}.part"), &words);
         film.wait_for_bytes(1_000);
