@@ -27,6 +27,7 @@ mod examples;
 mod features;
 mod foreign;
 mod guesses;
+mod heartbeat;
 mod interrupt;
 mod lines;
 mod log;

@@ -1,18 +1,46 @@
-//! Progress line at a terminal while frames are made, and a summary at the end.
+//! Progress line while frames are made, and a summary at the end.
 
+use crate::heartbeat::Heartbeat;
 use crate::print::{counted, rough_time, single_line};
 use indicatif::{ProgressBar, ProgressStyle};
 use pipeline::report::FrameReport;
 use render_core::scene::Scene;
 use render2mpeg::Settings;
 use render2mpeg::report::Report;
+use std::ops::Deref;
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Progress line at a terminal. The line is hidden if standard error is not a terminal.
-pub(crate) struct ProgressLine {
+/// Progress of work. It is a line at a terminal, and a new line every half minute in other output.
+pub(crate) struct Progress {
     bar: ProgressBar,
+    _heartbeat: Option<Heartbeat>,
+}
+
+impl Progress {
+    /// Returns the progress of work measured in `noun`, a plural or "%".
+    fn of(bar: ProgressBar, noun: &'static str) -> Self {
+        Self { _heartbeat: Some(Heartbeat::of(&bar, noun)), bar }
+    }
+
+    /// Returns progress that is not printed.
+    fn hidden() -> Self {
+        Self { bar: ProgressBar::hidden(), _heartbeat: None }
+    }
+}
+
+impl Deref for Progress {
+    type Target = ProgressBar;
+
+    fn deref(&self) -> &ProgressBar {
+        &self.bar
+    }
+}
+
+/// Progress of a film.
+pub(crate) struct ProgressLine {
+    bar: Progress,
     pace: Mutex<Pace>,
     is_quiet: bool,
 }
@@ -53,7 +81,7 @@ impl ProgressLine {
     pub fn new(settings: &Settings, scene: &Scene, first_frame: u32, quiet: bool) -> Self {
         // Hide the line in quiet runs, and in verbose runs, which print log lines.
         if quiet {
-            return Self { bar: ProgressBar::hidden(), pace: Mutex::default(), is_quiet: quiet };
+            return Self { bar: Progress::hidden(), pace: Mutex::default(), is_quiet: quiet };
         }
         tell!(
             "{}: {} triangles, {} of {}x{} at {} fps, quantiser_scale {}",
@@ -79,7 +107,7 @@ impl ProgressLine {
         }
         bar.set_message("the first frame takes longest");
         bar.enable_steady_tick(TICK);
-        Self { bar, pace: Mutex::default(), is_quiet: quiet }
+        Self { bar: Progress::of(bar, "frames"), pace: Mutex::default(), is_quiet: quiet }
     }
 
     /// Advances the line by one frame.
@@ -107,7 +135,7 @@ impl ProgressLine {
     /// Returns a function that prints text above the progress line from any thread. In a quiet run, the function prints
     /// nothing.
     pub fn teller(&self) -> impl Fn(&str) + Send + 'static {
-        let (bar, is_quiet) = (self.bar.clone(), self.is_quiet);
+        let (bar, is_quiet) = (self.bar.bar.clone(), self.is_quiet);
         move |text| {
             if !is_quiet {
                 bar.suspend(|| tell!("{}", single_line(text)));
@@ -121,33 +149,33 @@ impl ProgressLine {
     }
 }
 
-/// Returns a progress bar for work with a length that is set later.
-pub fn of_work(quiet: bool) -> ProgressBar {
+/// Returns the progress of work with a length that is set later.
+pub fn of_work(quiet: bool) -> Progress {
     if quiet {
-        return ProgressBar::hidden();
+        return Progress::hidden();
     }
     let style = ProgressStyle::with_template("{bar:30} {percent} %  {eta} left").expect("the template is correct");
-    ProgressBar::new(0).with_style(style)
+    Progress::of(ProgressBar::new(0).with_style(style), "%")
 }
 
-/// Returns a progress line for `count` pictures, which shows activity while a picture is rendered.
-pub fn of_pictures(count: usize, quiet: bool) -> ProgressBar {
+/// Returns the progress of `count` pictures, which shows activity while a picture is rendered.
+pub fn of_pictures(count: usize, quiet: bool) -> Progress {
     if quiet {
-        return ProgressBar::hidden();
+        return Progress::hidden();
     }
     let style = ProgressStyle::with_template("{spinner} {pos}/{len} pictures  {elapsed}");
     let bar = ProgressBar::new(count as u64).with_style(style.expect("the template is correct"));
     bar.enable_steady_tick(TICK);
-    bar
+    Progress::of(bar, "pictures")
 }
 
-/// Returns a progress bar for work in many steps, with a message for the current step.
-pub fn of_long_work(quiet: bool) -> ProgressBar {
+/// Returns the progress of work in many steps, with a message for the current step.
+pub fn of_long_work(quiet: bool) -> Progress {
     if quiet {
-        return ProgressBar::hidden();
+        return Progress::hidden();
     }
     let style = ProgressStyle::with_template("{bar:30} {percent:>3} %  about {eta} left  {msg}");
-    ProgressBar::new(0).with_style(style.expect("the template is correct"))
+    Progress::of(ProgressBar::new(0).with_style(style.expect("the template is correct")), "%")
 }
 
 /// Prints the main figures of the run and the paths of its files. The run did not make the first `before` frames.

@@ -190,7 +190,7 @@ impl BakeJob<'_> {
             Some(output) => Some(BakeCheckpoint::new(&self.film_job(texels, keys, output)?, CHECKPOINT_EVERY, resume)?),
             None => None,
         };
-        let bar = progress::of_work(self.quiet);
+        let bar = progress::of_work(self.quiet || !is_first);
         let interrupt = Interrupt::watch(Reactions::default())?;
         let run = BakeRun { ranks: ranks.team().prepare.clone(), checkpoint, stop: &interrupt.stop };
         let progress = |done: usize, all: usize| {

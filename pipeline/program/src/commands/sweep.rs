@@ -117,7 +117,7 @@ pub fn run(arguments: Sweep) -> Result<ExitCode> {
 
     // End the sweep after the current frame on the first signal, and end the process on the second.
     let line = progress::of_long_work(quiet);
-    let above = line.clone();
+    let above = (*line).clone();
     let first = move || {
         let text = "stopping after this frame and keeping the results; interrupt again to stop now and discard them";
         if !quiet {
