@@ -153,6 +153,73 @@ fn films_are_made_for_players_of_today_too() {
     }
 }
 
+/// Loops and editing formats have the film's colors, its number of pictures and its duration.
+#[test]
+fn films_are_made_for_pages_and_editors_too() {
+    let folder = folder_with_room();
+    let folder = folder.path();
+    let known = String::from_utf8(run(folder, Path::new("ffmpeg"), "-v error -encoders").stdout).unwrap();
+    for (ending, encoder, options) in [
+        ("mov", "prores_ks", "--fps 25 --size 49x47"),
+        ("webp", "libwebp_anim", "--fps 25 --size 49x47"),
+        ("gif", "gif", "--fps 25 --size 49x47"),
+        // Without a matrix in the stream, and above the fastest rate of GIF.
+        ("webp", "libwebp_anim", "--fps 25 --size 48x48 --mpeg1"),
+        ("gif", "gif", "--fps 60 --size 48x48 --mpeg1"),
+    ] {
+        if need(encoder, known.contains(encoder).then_some(())).is_none() {
+            continue;
+        }
+        let also = format!("also.{ending}");
+        let words = format!(
+            "render room.glb -o film.mpg -q --overwrite --also {also} --vpls 60 --photons 1000 --frames 12 {options}"
+        );
+        let made = render2mpeg(folder, &words.split(' ').collect::<Vec<_>>());
+        assert_eq!(made.code, Some(0), "{}", made.stderr);
+        let colors = mean_color(&decoded(folder, "film.mpg"));
+        let seconds = if options.contains("60") { 0.2 } else { 0.48 };
+        if ending == "webp" {
+            // This ffmpeg cannot decode animated WebP.
+            let file = std::io::BufReader::new(fs::File::open(folder.join(&also)).unwrap());
+            let loops = image::codecs::webp::WebPDecoder::new(file).unwrap();
+            let frames = image::AnimationDecoder::into_frames(loops).collect_frames().unwrap();
+            let of_frame = |frame: &image::Frame| std::time::Duration::from(frame.delay()).as_secs_f64();
+            let total: f64 = frames.iter().map(of_frame).sum();
+            assert!((total - seconds).abs() < 0.005 && frames.len() > 6, "{total} s, {} frames", frames.len());
+            let first = image::DynamicImage::from(frames[0].buffer().clone()).into_rgb8().into_raw();
+            assert_near(mean_color(&first), mean_color(&decoded(folder, "film.mpg")[..first.len()]), ending);
+        } else {
+            let found: f64 = probed(folder, &also, "format=duration")[0].parse().unwrap();
+            assert!((found - seconds).abs() < 0.015, "{also}: {found} s");
+            assert_near(mean_color(&decoded(folder, &also)), colors, ending);
+        }
+        fs::remove_file(folder.join(also)).unwrap();
+    }
+}
+
+/// Returns the samples of a film's pictures, as RGB with even sides.
+fn decoded(folder: &Path, film: &str) -> Vec<u8> {
+    let words = format!("-v error -i {film} -fps_mode passthrough -f rawvideo -pix_fmt rgb24 -");
+    let output = run(folder, Path::new("ffmpeg"), &words);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+fn mean_color(samples: &[u8]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for rgb in samples.as_chunks::<3>().0 {
+        for (sum, &code) in sum.iter_mut().zip(rgb) {
+            *sum += f64::from(code) / (samples.len() / 3) as f64;
+        }
+    }
+    sum
+}
+
+fn assert_near(found: [f64; 3], expected: [f64; 3], name: &str) {
+    let apart = found.into_iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 2.5, "{name}: {found:?} for {expected:?}");
+}
+
 #[test]
 fn what_cannot_be_made_also_is_said_before_work_begins() {
     let folder = folder_with_room();
@@ -162,7 +229,7 @@ fn what_cannot_be_made_also_is_said_before_work_begins() {
     let words = |also: &str| format!("render room.glb -o film.mpg -q --also {also} {SMALL}");
     for also in ["film.avi", "film", "film.mkv"] {
         let words = words(also);
-        assert_fails(folder, &words.split(' ').collect::<Vec<_>>(), &["--also", also, ".mp4", ".webm"]);
+        assert_fails(folder, &words.split(' ').collect::<Vec<_>>(), &["--also", also, ".mp4", ".webm", ".gif"]);
         assert_eq!(run(folder, program(), &words).status.code(), Some(2), "{also}");
     }
     assert_fails(folder, &words("room.glb").split(' ').collect::<Vec<_>>(), &["--also", "room.glb", "the scene"]);

@@ -68,7 +68,9 @@ fn a_still_is_the_frame_of_a_film() {
 fn the_ending_of_a_picture_says_what_it_is() {
     let folder = folder_with_room(Moving::Nothing);
     let folder = folder.path();
-    for (name, magic) in [("a.png", &b"\x89PNG"[..]), ("a.jpg", b"\xff\xd8\xff"), ("a.exr", b"\x76\x2f\x31\x01")] {
+    for (name, magic) in
+        [("a.png", &b"\x89PNG"[..]), ("a.webp", b"RIFF"), ("a.jpg", b"\xff\xd8\xff"), ("a.exr", b"\x76\x2f\x31\x01")]
+    {
         for command in ["still", "reference --spp 1"] {
             let words = format!("{command} room.glb --size 16x16 --vpls 20 -o {name} --overwrite");
             let told = run(folder, &words).stderr;
@@ -77,6 +79,7 @@ fn the_ending_of_a_picture_says_what_it_is() {
             assert!(fs::read(folder.join(name)).unwrap().starts_with(magic), "{words}");
         }
     }
+    assert!(image::open(folder.join("a.webp")).unwrap() == image::open(folder.join("a.png")).unwrap());
     for name in ["a.bmp", "a", "a.m2v"] {
         for command in ["still", "reference"] {
             assert_fails(folder, &[command, "room.glb", "-o", name], &[name, ".png", ".exr"]);
@@ -184,6 +187,29 @@ fn transparent_pictures_have_no_fringe() {
     }
     assert!(solid > 800 && border > 40 && shadow > 100, "{solid} solid, {border} at borders, {shadow} in shadow");
     assert_fails(folder, &["still", "ball.glb", "-o", "a.jpg", "--background", "transparent"], &["a.jpg", ".png"]);
+
+    // WebP has the same pixels. Linear light with associated opacity, over its background, is the opaque light.
+    run(folder, &format!("still ball.glb {size} -o clear.webp --background transparent"));
+    assert!(image::open(folder.join("clear.webp")).unwrap().into_rgba8() == clear);
+    run(folder, &format!("still ball.glb {size} -o opaque.exr"));
+    run(folder, &format!("still ball.glb {size} -o clear.exr --background transparent"));
+    let [opaque, clear] = ["opaque.exr", "clear.exr"].map(|name| {
+        let layers = render_core::image_file::read_layers(&folder.join(name)).unwrap();
+        ["R", "G", "B", "A"].map(|channel| layers.channel(channel).map(<[f32]>::to_vec))
+    });
+    assert_eq!(opaque[3], None);
+    let opacity = clear[3].as_ref().unwrap();
+    let covered = opacity.iter().filter(|&&opacity| opacity == 1.0).count();
+    assert!(covered.abs_diff(solid as usize) < 40, "{covered} of {solid} pixels");
+    assert_eq!(opacity[0], 0.0);
+    for channel in 0..3 {
+        let (opaque, clear) = (opaque[channel].as_ref().unwrap(), clear[channel].as_ref().unwrap());
+        let background = opaque[0];
+        for ((opaque, clear), opacity) in opaque.iter().zip(clear).zip(opacity) {
+            let over = clear + (1.0 - opacity) * background;
+            assert!((over - opaque).abs() < 0.03 * opaque.max(background), "{over} for {opaque}");
+        }
+    }
 }
 
 /// Points of one view, placed in the world by its depth and camera, are at the same depth in the other views that see

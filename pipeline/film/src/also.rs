@@ -18,6 +18,10 @@ struct Encoder {
     /// File ending, which is also ffmpeg's name of the container.
     ending: &'static str,
     options: &'static [&'static str],
+    /// Pixel format in ffmpeg.
+    pixels: &'static str,
+    /// Last filter, empty for none.
+    filter: &'static str,
     /// Minimum width and height \[pixels\].
     least: usize,
     /// Whether width and height must be even.
@@ -26,26 +30,78 @@ struct Encoder {
 
 /// Encoders in order of preference. The quality of each is slightly above its visually lossless level, so that only the
 /// film's own losses are visible.
-const ENCODERS: [Encoder; 3] = [
+const ENCODERS: [Encoder; 6] = [
     Encoder {
         name: "libx264",
         ending: "mp4",
         options: &["-preset", "slow", "-crf", "16", "-movflags", "+faststart"],
+        pixels: "yuv420p",
+        filter: "",
         least: 2,
         is_even: true,
     },
-    Encoder { name: "libsvtav1", ending: "webm", options: &["-preset", "6", "-crf", "24"], least: 64, is_even: true },
+    Encoder {
+        name: "libsvtav1",
+        ending: "webm",
+        options: &["-preset", "6", "-crf", "24"],
+        pixels: "yuv420p",
+        filter: "",
+        least: 64,
+        is_even: true,
+    },
     Encoder {
         name: "libvpx-vp9",
         ending: "webm",
         options: &["-crf", "20", "-b:v", "0", "-row-mt", "1"],
+        pixels: "yuv420p",
+        filter: "",
+        least: 1,
+        is_even: false,
+    },
+    // ProRes 422 HQ, for editing.
+    Encoder {
+        name: "prores_ks",
+        ending: "mov",
+        options: &["-profile:v", "hq", "-vendor", "apl0"],
+        pixels: "yuv422p10le",
+        filter: "",
+        least: 2,
+        is_even: true,
+    },
+    // Loops for pages. WebP has another matrix than the film, so its encoder receives RGB.
+    Encoder {
+        name: "libwebp_anim",
+        ending: "webp",
+        options: &["-quality", "90", "-loop", "0"],
+        pixels: "bgra",
+        filter: "",
+        least: 1,
+        is_even: false,
+    },
+    // Browsers show pictures of less than 0.02 s for 0.1 s. The palette favors moving areas.
+    Encoder {
+        name: "gif",
+        ending: "gif",
+        options: &["-loop", "0"],
+        pixels: "pal8",
+        filter: "fps=fps='min(source_fps,50)',split[film][colors];[colors]palettegen=stats_mode=diff[palette];\
+                 [film][palette]paletteuse=dither=sierra2_4a",
         least: 1,
         is_even: false,
     },
 ];
-/// Color properties of the film, set explicitly because encoders do not always copy them.
+/// File endings of [`ENCODERS`], as listed in messages.
+const ENDINGS: &str = ".mp4, .webm, .mov, .webp or .gif";
+/// Color properties of films, set explicitly because encoders do not always copy them.
 const COLOR: [&str; 8] =
     ["-color_primaries", "bt709", "-color_trc", "bt709", "-colorspace", "bt709", "-color_range", "tv"];
+
+impl Encoder {
+    /// Returns whether the file contains luma and chroma, and not RGB.
+    fn has_luma(&self) -> bool {
+        self.pixels.starts_with("yuv")
+    }
+}
 
 /// Additional file, transcoded from a finished film.
 #[derive(Debug)]
@@ -69,7 +125,7 @@ impl Companion {
         let wanted: Vec<&Encoder> = ENCODERS.iter().filter(|encoder| encoder.ending == ending).collect();
         if wanted.is_empty() {
             let name = path.display();
-            return Err(Error::Options(format!("--also {name}: unknown format; name it .mp4 or .webm")));
+            return Err(Error::Options(format!("--also {name}: unknown format; name it {ENDINGS}")));
         }
 
         // Choose the first encoder that supports the size and is built into the installed ffmpeg.
@@ -117,11 +173,14 @@ impl Companion {
             address
         };
 
-        // Write one video stream, in the pixel format that players support.
+        // Write one video stream, in the pixel format of the encoder.
         let mut command = Command::new("ffmpeg");
         command.args(["-nostdin", "-v", "error", "-y", "-i"]).arg(file(film));
-        command.args(["-map", "0:v:0", "-pix_fmt", "yuv420p", "-c:v", encoder.name]);
-        command.args(encoder.options).args(COLOR);
+        command.args(["-map", "0:v:0", "-pix_fmt", encoder.pixels, "-c:v", encoder.name]);
+        command.args(encoder.options);
+        if encoder.has_luma() {
+            command.args(COLOR);
+        }
 
         // Crop sides that are multiples of 4096: the film's header cannot code them, so they are coded one sample
         // larger.
@@ -133,8 +192,11 @@ impl Companion {
             filters.push(format!("crop={width}:{height}:0:0"));
         }
         // Convert the matrix of MPEG-1, because the new file is labeled BT.709.
-        if *is_mpeg1 {
+        if *is_mpeg1 && encoder.has_luma() {
             filters.push("scale=in_color_matrix=bt601:out_color_matrix=bt709".into());
+        }
+        if !encoder.filter.is_empty() {
+            filters.push(encoder.filter.into());
         }
         if !filters.is_empty() {
             command.arg("-vf").arg(filters.join(","));

@@ -17,7 +17,7 @@ pub mod settings;
 mod shading;
 pub mod stages;
 pub mod still;
-mod transparency;
+pub mod transparency;
 
 pub use error::{Error, Result};
 pub use light_file::make_light;

@@ -12,7 +12,7 @@ use std::path::Path;
 pub enum PictureFormat {
     /// OpenEXR with linear light.
     Linear,
-    /// PNG or JPEG with display codes.
+    /// PNG, WebP or JPEG with display codes.
     Shown(ShownFormat),
 }
 
@@ -21,6 +21,8 @@ pub enum PictureFormat {
 pub enum ShownFormat {
     /// PNG, a lossless format.
     Png,
+    /// WebP, without losses.
+    Webp,
     /// JPEG, with hardly visible losses.
     Jpeg,
 }
@@ -35,12 +37,26 @@ impl PictureFormat {
         match ending.as_str() {
             "exr" => Ok(Self::Linear),
             "png" => Ok(Self::Shown(ShownFormat::Png)),
+            "webp" => Ok(Self::Shown(ShownFormat::Webp)),
             "jpg" | "jpeg" => Ok(Self::Shown(ShownFormat::Jpeg)),
             _ => {
-                let text = "unknown picture format; name it .png or .jpg for display, or .exr for linear light";
+                let text = "unknown picture format; name it .png, .webp or .jpg for display, or .exr for linear light";
                 Err(Error::Options(format!("{}: {text}", path.display())))
             }
         }
+    }
+
+    /// Returns whether files of this format can have a transparent background.
+    #[must_use]
+    pub fn has_opacity(self) -> bool {
+        self != Self::Shown(ShownFormat::Jpeg)
+    }
+
+    /// Returns the error for a transparent picture in a format without opacity.
+    #[must_use]
+    pub fn without_opacity(path: &Path) -> Error {
+        let text = "JPEG has no transparent background; name it .png, .webp or .exr";
+        Error::Options(format!("{}: {text}", path.display()))
     }
 }
 
@@ -54,43 +70,51 @@ pub fn shown(radiance: &Plane<[f32; 3]>, tone_map: &ToneMap) -> Plane<[u8; 3]> {
     radiance.map(|rgb| rgb.map(|linear| (tone_map.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8))
 }
 
-/// Writes display codes as `.png` or `.jpg`, atomically.
+/// Writes display codes as `.png`, `.webp` or `.jpg`, atomically.
 ///
 /// # Errors
-/// If the file cannot be written, or its ending is neither `.png` nor `.jpg`.
+/// If the file cannot be written, or its ending is another one.
 #[cfg(feature = "still")]
 pub fn write_shown(path: &Path, picture: &Plane<[u8; 3]>) -> Result<()> {
-    use image::{ExtendedColorType, ImageEncoder, codecs};
-    let format = PictureFormat::of(path)?;
+    write_samples(path, picture, image::ExtendedColorType::Rgb8)
+}
+
+/// Writes display codes with opacity as `.png` or `.webp`, atomically.
+///
+/// # Errors
+/// If the file cannot be written, or its format has no opacity.
+#[cfg(feature = "still")]
+pub fn write_transparent(path: &Path, picture: &Plane<[u8; 4]>) -> Result<()> {
+    if !PictureFormat::of(path)?.has_opacity() {
+        return Err(PictureFormat::without_opacity(path));
+    }
+    write_samples(path, picture, image::ExtendedColorType::Rgba8)
+}
+
+/// Writes pixels of `N` bytes in the format of the file's ending.
+#[cfg(feature = "still")]
+fn write_samples<const N: usize>(path: &Path, picture: &Plane<[u8; N]>, color: image::ExtendedColorType) -> Result<()> {
+    use image::{ImageEncoder, codecs};
     let (width, height, samples) = (picture.width() as u32, picture.height() as u32, picture.samples().as_flattened());
     // Encode into memory first, so that a failure leaves no file.
     let mut bytes = Vec::new();
-    let written = match format {
-        PictureFormat::Shown(ShownFormat::Jpeg) => codecs::jpeg::JpegEncoder::new_with_quality(
-            &mut bytes,
-            JPEG_QUALITY,
-        )
-        .write_image(samples, width, height, ExtendedColorType::Rgb8),
-        _ => codecs::png::PngEncoder::new(&mut bytes).write_image(samples, width, height, ExtendedColorType::Rgb8),
+    let written = match PictureFormat::of(path)? {
+        PictureFormat::Linear => {
+            let text = "display codes are written as .png, .webp or .jpg";
+            return Err(Error::Options(format!("{}: {text}", path.display())));
+        }
+        PictureFormat::Shown(ShownFormat::Png) => {
+            codecs::png::PngEncoder::new(&mut bytes).write_image(samples, width, height, color)
+        }
+        PictureFormat::Shown(ShownFormat::Webp) => {
+            codecs::webp::WebPEncoder::new_lossless(&mut bytes).write_image(samples, width, height, color)
+        }
+        PictureFormat::Shown(ShownFormat::Jpeg) => {
+            let encoder = codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY);
+            encoder.write_image(samples, width, height, color)
+        }
     };
-    written.map_err(Error::other)?;
-    write_bytes(path, &bytes)
-}
-
-/// Writes display codes with opacity as `.png`, atomically.
-///
-/// # Errors
-/// If the file cannot be written, or its ending is not `.png`.
-#[cfg(feature = "still")]
-pub fn write_transparent(path: &Path, picture: &Plane<[u8; 4]>) -> Result<()> {
-    use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-    if PictureFormat::of(path)? != PictureFormat::Shown(ShownFormat::Png) {
-        return Err(Error::Options(format!("{}: only .png has a transparent background", path.display())));
-    }
-    let (width, height, samples) = (picture.width() as u32, picture.height() as u32, picture.samples().as_flattened());
-    let mut bytes = Vec::new();
-    let encoder = PngEncoder::new(&mut bytes);
-    encoder.write_image(samples, width, height, ExtendedColorType::Rgba8).map_err(Error::other)?;
+    written.map_err(|error| Error::content(path, format!(": cannot be coded: {error}")))?;
     write_bytes(path, &bytes)
 }
 

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::picture_file::{PictureFormat, shown, write_shown, write_transparent};
 use crate::settings::{ExrDepth, Settings};
 use crate::stages::linear::write_linear;
-use crate::transparency::{coverage, transparent};
+use crate::transparency::{Background, Transparent, coverage, transparent};
 use perceptual::luminance_plane;
 use pipeline::exposure::{exposure_for, exposure_for_luminances};
 use pipeline::stage::{Channels, LastThresholds, Shade, Shaded};
@@ -24,8 +24,8 @@ pub struct Still {
     pub radiance: Plane<[f32; 3]>,
     /// Tone-mapped picture: red, green and blue of sRGB as 8-bit codes.
     pub shown: Plane<[u8; 3]>,
-    /// Tone-mapped picture without its background, with opacity, if requested.
-    pub transparent: Option<Plane<[u8; 4]>>,
+    /// Picture without its background, if requested.
+    pub transparent: Option<Transparent>,
     /// Further channels, as the settings request.
     pub channels: Channels,
     /// Attributes in the header of an OpenEXR file.
@@ -102,26 +102,32 @@ impl Still {
             let tone_map = settings.render.tone_map.with_exposure(exposure);
             let shown = shown(&shaded.blended(&tone_map), &tone_map);
             let covered = is_transparent.then(|| coverage(&prepared.frame));
-            let background = scene.background.unwrap_or_default().to_array().map(|linear| tone_map.encode(linear));
-            let transparent = covered.map(|covered| transparent(&shown, &covered, background));
+            let radiance = scene.background.unwrap_or_default().to_array();
+            let background = Background { radiance, shown: radiance.map(|linear| tone_map.encode(linear)) };
+            let transparent = covered.map(|covered| transparent(&shown, &shaded.radiance, &covered, background));
             let (radiance, channels, header) = (shaded.radiance, shaded.channels, shaded.header);
             take(frame, Self { radiance, shown, transparent, channels, header })?;
         }
         Ok(())
     }
 
-    /// Writes the picture tone mapped for display (`.png`, `.jpg`), or as linear light (`.exr`) in 16-bit floats where
-    /// these suffice, with the further channels.
+    /// Writes the picture tone mapped for display (`.png`, `.webp`, `.jpg`), or as linear light (`.exr`) in 16-bit
+    /// floats where these suffice, with the further channels. Without its background, linear light has the channel A.
     ///
     /// # Errors
     /// If the ending is unknown or the file cannot be written, or if a JPEG file would have to be transparent.
     pub fn write(&self, path: &Path) -> Result<()> {
         match (PictureFormat::of(path)?, &self.transparent) {
-            (PictureFormat::Linear, _) => {
+            (PictureFormat::Linear, None) => {
                 Ok(write_linear(path, &self.header, &self.radiance, self.channels.clone(), ExrDepth::Half)?)
             }
+            (PictureFormat::Linear, Some(picture)) => {
+                let mut channels = self.channels.clone();
+                channels.push(("A".into(), picture.opacity.samples().to_vec()));
+                Ok(write_linear(path, &self.header, &picture.radiance, channels, ExrDepth::Half)?)
+            }
             (PictureFormat::Shown(_), None) => write_shown(path, &self.shown),
-            (PictureFormat::Shown(_), Some(picture)) => write_transparent(path, picture),
+            (PictureFormat::Shown(_), Some(picture)) => write_transparent(path, &picture.shown),
         }
     }
 }

@@ -6,6 +6,9 @@
 //! The opacity α is the larger of two numbers: the fraction of the pixel that the scene covers, and the least opacity
 //! with which any color C gives D. The second makes shadows on the ground of a studio dark and transparent. Over the
 //! original background, the result looks exactly like the original picture.
+//!
+//! Linear light has associated opacity, as OpenEXR defines it: P = α C = D − (1 − α) B for radiances D and B. P may
+//! exceed α, so only darker pixels need opacity outside the covered fraction: α ≥ 1 − D / B.
 
 use plane::Plane;
 use render_core::PosedScene;
@@ -15,6 +18,29 @@ use renderer::Frame;
 const RAYS: usize = 16;
 /// Maximum difference from the background that counts as noise \[codes\].
 const NOISE: f32 = 1.5;
+/// [`NOISE`] of radiance, as a fraction of a background of about 180 codes.
+const LINEAR_NOISE: f32 = 0.02;
+
+/// Picture without its background.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Transparent {
+    /// Red, green, blue and opacity as 8-bit codes; the color is not multiplied by the opacity.
+    pub shown: Plane<[u8; 4]>,
+    /// Radiance, multiplied by the opacity \[W·m⁻²·sr⁻¹\].
+    pub radiance: Plane<[f32; 3]>,
+    /// Opacity of the radiance, 0…1.
+    pub opacity: Plane<f32>,
+}
+
+/// Background of a picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Background {
+    /// Radiance \[W·m⁻²·sr⁻¹\].
+    pub radiance: [f32; 3],
+    /// Displayed color, 0…1.
+    pub shown: [f32; 3],
+}
 
 /// Returns the fraction of each pixel that surfaces cover, without the ground of a studio.
 pub(crate) fn coverage(frame: &Frame) -> Plane<f32> {
@@ -31,11 +57,40 @@ pub(crate) fn coverage(frame: &Frame) -> Plane<f32> {
     Plane::from_vec(frame.seen.pixels.width(), frame.seen.pixels.height(), covered)
 }
 
-/// Returns a picture without `background` (displayed color, 0…1), given the covered fraction of each pixel.
-pub(crate) fn transparent(shown: &Plane<[u8; 3]>, covered: &Plane<f32>, background: [f32; 3]) -> Plane<[u8; 4]> {
-    Plane::from_fn(shown.width(), shown.height(), |x, y| {
-        without(shown.get(x, y), covered.get(x, y).clamp(0.0, 1.0), background)
-    })
+/// Returns a picture without its background, given the covered fraction of each pixel.
+pub(crate) fn transparent(
+    shown: &Plane<[u8; 3]>,
+    radiance: &Plane<[f32; 3]>,
+    covered: &Plane<f32>,
+    background: Background,
+) -> Transparent {
+    let (width, height) = (shown.width(), shown.height());
+    let covered = covered.map(|share| share.clamp(0.0, 1.0));
+    let associated =
+        Plane::from_fn(width, height, |x, y| associated(radiance.get(x, y), covered.get(x, y), background.radiance));
+    Transparent {
+        shown: Plane::from_fn(width, height, |x, y| without(shown.get(x, y), covered.get(x, y), background.shown)),
+        radiance: associated.map(|(radiance, _)| radiance),
+        opacity: associated.map(|(_, opacity)| opacity),
+    }
+}
+
+/// Returns associated radiance P and opacity α of a pixel without its background.
+fn associated(radiance: [f32; 3], covered: f32, background: [f32; 3]) -> ([f32; 3], f32) {
+    // Find the least opacity for which P is not negative.
+    let mut opacity = covered;
+    let mut is_background = covered == 0.0;
+    for (d, b) in radiance.into_iter().zip(background) {
+        if (d - b).abs() > LINEAR_NOISE * b {
+            is_background = false;
+            opacity = opacity.max(1.0 - d / b.max(f32::MIN_POSITIVE));
+        }
+    }
+    if is_background {
+        return ([0.0; 3], 0.0);
+    }
+    // Differences within noise may leave a color slightly below 0.
+    (std::array::from_fn(|c| (radiance[c] - (1.0 - opacity) * background[c]).max(0.0)), opacity)
 }
 
 /// Returns color and opacity of a pixel without its background.
@@ -83,6 +138,29 @@ mod tests {
             }
         }
         assert_eq!(without([179, 184, 191], 0.0, background), [0; 4]);
+    }
+
+    /// Over its own background, each radiance is as before, up to noise. Light above the background is added.
+    #[test]
+    fn radiances_over_their_background_are_as_before() {
+        let background = [0.5, 0.25, 4.0];
+        for radiance in [[0.0; 3], [0.5, 0.25, 4.0], [0.1, 0.2, 3.0], [9.0, 0.3, 0.0], [0.6, 0.3, 5.0]] {
+            for covered in [0.0, 0.1, 0.5, 1.0] {
+                let (color, opacity) = associated(radiance, covered, background);
+                assert!((covered..=1.0).contains(&opacity) && color.iter().all(|&c| c >= 0.0));
+                for c in 0..3 {
+                    let over = color[c] + (1.0 - opacity) * background[c];
+                    assert!((over - radiance[c]).abs() <= LINEAR_NOISE * background[c], "{radiance:?} {covered}");
+                }
+            }
+        }
+        assert_eq!(associated(background, 0.0, background), ([0.0; 3], 0.0));
+        // Shadow is black with opacity, half of a covered pixel is half its color, and added light has no opacity.
+        assert_eq!(associated([0.25, 0.125, 2.0], 0.0, background), ([0.0; 3], 0.5));
+        assert_eq!(associated([1.0, 0.5, 2.5], 0.5, background), ([0.75, 0.375, 0.5], 0.5));
+        assert_eq!(associated([1.0, 0.5, 8.0], 0.0, background), (background, 0.0));
+        // Over black, all light is added.
+        assert_eq!(associated([1.0, 0.0, 0.0], 0.25, [0.0; 3]), ([1.0, 0.0, 0.0], 0.25));
     }
 
     /// A pixel half covered by a white object over a gray background contains the object's color.

@@ -48,7 +48,7 @@ pub enum Command {
     /// Render a scene into a video
     #[command(args_override_self = true, after_help = examples::RENDER_SHORT, after_long_help = examples::RENDER)]
     Render(Box<RenderArguments>),
-    /// Render single frames, as PNG or JPEG tone mapped for display, or as OpenEXR
+    /// Render single frames, as PNG, WebP or JPEG tone mapped for display, or as OpenEXR
     #[command(after_help = examples::STILL)]
     Still(Box<StillArguments>),
     /// Render a film in which the camera turns once around the scene

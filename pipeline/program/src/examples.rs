@@ -52,7 +52,7 @@ reference renders the same frame by path tracing: slower, without the approximat
 pub const TURNTABLE: &str = "Examples:
   render2mpeg turntable scene.glb                               writes scene.mpg: one turn in 6 s, without a seam
   render2mpeg turntable scene.glb -o turn.mp4 --seconds 4 --orbit 0,60
-  render2mpeg turntable scene.glb --also turn.webm --background white
+  render2mpeg turntable scene.glb --also turn.webm,turn.gif --background white
 
 All options of render apply.";
 

@@ -27,8 +27,8 @@ pub(crate) struct Reference {
     /// Options for reading the scene: folders, camera, animation and scene settings.
     #[command(flatten)]
     reading: Reading,
-    /// Picture file: .exr with channels R, G, B and, from paths, their variance as variance.R, .G, .B; .png or .jpg
-    /// tone mapped for display
+    /// Picture file: .exr with channels R, G, B and, from paths, their variance as variance.R, .G, .B; .png, .webp
+    /// or .jpg tone mapped for display
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Frame of the scene, counted from 0

@@ -8,7 +8,7 @@ use anyhow::Result;
 use clap::Args;
 use pipeline::output::Output;
 use render2mpeg::Options;
-use render2mpeg::picture_file::{PictureFormat, ShownFormat};
+use render2mpeg::picture_file::PictureFormat;
 use render2mpeg::places::FilePlaces;
 use render2mpeg::settings::{FrameList, parse_fps};
 use render2mpeg::still::Still;
@@ -21,8 +21,8 @@ use std::str::FromStr;
 pub(crate) struct StillArguments {
     /// A glTF 2.0 scene, .glb or .gltf
     scene: PathBuf,
-    /// Picture file: .png or .jpg tone mapped for display, .exr with linear light [default: the scene's name with
-    /// .png, in the current folder]
+    /// Picture file: .png, .webp or .jpg tone mapped for display, .exr with linear light [default: the scene's name
+    /// with .png, in the current folder]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Frame of the scene, counted from 0, or a list such as 2,4,10-20, or times such as 1.5s; file names of a list end
@@ -46,12 +46,14 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let PictureArguments { reading, memory, overwrite, quiet, .. } = &picture;
     let output = output.unwrap_or_else(|| PathBuf::from(path.file_stem().unwrap_or_default()).with_extension("png"));
     // Check paths and scene before rendering begins.
-    let _ = PictureFormat::of(&output)?;
+    let format = PictureFormat::of(&output)?;
     let mut scene = reading.load_bare(&path)?;
     scene.furnish();
     let is_transparent = reading.is_transparent();
+    if is_transparent && !format.has_opacity() {
+        return Err(PictureFormat::without_opacity(&output).into());
+    }
     if is_transparent {
-        check_transparent(&output)?;
         set_plain_background(&mut scene);
     }
     FilePlaces::of(&scene).writes("-o", Some(&output)).check()?;
@@ -131,15 +133,6 @@ impl Moments {
         let numbers: Vec<String> = times.iter().map(|time| format!("{:.0}", time * fps)).collect();
         Ok(numbers.join(",").parse()?)
     }
-}
-
-/// Refuses a transparent picture in a format without opacity.
-fn check_transparent(output: &Path) -> Result<()> {
-    if PictureFormat::of(output)? == PictureFormat::Shown(ShownFormat::Png) {
-        return Ok(());
-    }
-    let text = format!("{}: only .png has a transparent background", output.display());
-    Err(render2mpeg::Error::Options(text).into())
 }
 
 /// Returns the file of each frame: `output` for a single frame, or names with frame numbers of equal length for several

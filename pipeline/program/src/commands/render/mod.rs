@@ -51,7 +51,8 @@ pub(crate) struct RenderArguments {
     /// Also write an HTML page: frames, maps, and plots of the time, bits, PSNR and cut size of each frame
     #[arg(long, value_name = "FILE.html", help_heading = "Output", hide_short_help = true)]
     html: Option<PathBuf>,
-    /// Also code the finished film again with ffmpeg, for players and browsers: .mp4 (H.264) or .webm (AV1 or VP9)
+    /// Also code the finished film again with ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9) for players and browsers,
+    /// .mov (ProRes) for editing, .webp or .gif as a loop
     #[arg(long, value_name = "FILE", value_delimiter = ',', help_heading = "Output", hide_short_help = true)]
     also: Vec<PathBuf>,
     /// Continue an interrupted or killed run of the same film, to the same bits; without a checkpoint, start at the
