@@ -138,7 +138,7 @@ fn presets_fill_in_what_is_left_open() {
     let folder = folder.path();
     let printed = |words: &str| run(folder, &format!("render room.glb --print-config {words}")).stdout;
     for (words, lines) in [
-        ("--preset draft", &["size = \"256x256\"", "qscale = 16", "effort = \"fast\""][..]),
+        ("--preset draft", &["size = \"256x256\"", "qscale = 16", "samples = 1", "effort = \"fast\""][..]),
         ("--preset good", &["size = \"512x512\"", "qscale = 8", "samples = \"auto\""]),
         ("--preset final", &["size = \"1024x1024\"", "qscale = 4", "samples = 4", "effort = \"best\""]),
         ("--preset final --samples 2", &["samples = 2", "qscale = 4"]),
