@@ -115,6 +115,11 @@ pub(crate) struct Coefficients {
 impl Coefficients {
     pub const ZERO: Self = Self { values: [0; 64], has_ac: false };
 
+    /// Sets the only coefficient of a block.
+    pub fn set_dc(&mut self, dc: i32) {
+        (self.values[0], self.has_ac) = (dc, false);
+    }
+
     /// Reads a block into zeroed values. `MPEG1` selects the escape codes and the mismatch control.
     #[inline(always)]
     pub fn read<const MPEG1: bool>(&mut self, reader: &mut BitReader, block: &BlockQuantiser) -> Result<(), Invalid> {

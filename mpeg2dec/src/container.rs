@@ -49,7 +49,11 @@ pub struct DemuxedData<'a> {
 /// assert_eq!(stream, include_bytes!("../tests/data/small.m2v"));
 /// ```
 #[derive(Default)]
-pub struct Demuxer(DemuxerState);
+pub struct Demuxer {
+    state: DemuxerState,
+    /// Number of missing packets of the streams that have ended.
+    lost_packets: u64,
+}
 
 /// State of a demultiplexer.
 enum DemuxerState {
@@ -94,7 +98,7 @@ impl Demuxer {
     }
 
     fn extract(&mut self, bytes: &[u8], receive: &mut dyn FnMut(DemuxedData)) {
-        match &mut self.0 {
+        match &mut self.state {
             DemuxerState::Unknown(start) => {
                 // Copy only the bytes needed for recognition.
                 let (head, rest) = bytes.split_at(bytes.len().min(probe::BYTES_MAX));
@@ -118,30 +122,39 @@ impl Demuxer {
                 DemuxerState::Transport(Box::new(TransportDemuxer::new(packet_size)))
             }
         };
-        if let DemuxerState::Unknown(start) = std::mem::replace(&mut self.0, state) {
+        if let DemuxerState::Unknown(start) = std::mem::replace(&mut self.state, state) {
             self.extract(&start.bytes, receive);
         }
     }
 
     /// Ends the stream. The demultiplexer then accepts another one.
     pub fn flush(&mut self, mut receive: impl FnMut(DemuxedData)) {
-        if let DemuxerState::Unknown(start) = &mut self.0
+        if let DemuxerState::Unknown(start) = &mut self.state
             && let Some(format) = start.add(&[], true)
         {
             self.begin(format, &mut receive);
         }
-        match &mut self.0 {
+        match &mut self.state {
             DemuxerState::Program(program) => program.flush(&mut receive),
             DemuxerState::Transport(transport) => transport.flush(&mut receive),
             DemuxerState::Unknown(_) | DemuxerState::Elementary => {}
         }
-        self.0 = DemuxerState::default();
+        self.lost_packets = self.lost_packets();
+        self.state = DemuxerState::default();
+    }
+
+    /// Returns the number of video packets that are missing in transport streams, modulo 16 in each gap. Other formats do not
+    /// number their packets.
+    #[must_use]
+    pub fn lost_packets(&self) -> u64 {
+        let current = if let DemuxerState::Transport(transport) = &self.state { transport.lost_packets() } else { 0 };
+        self.lost_packets + current
     }
 
     /// Returns the format of the stream, after its first bytes were recognized.
     #[must_use]
     pub fn format(&self) -> Option<StreamFormat> {
-        match &self.0 {
+        match &self.state {
             DemuxerState::Unknown(_) => None,
             DemuxerState::Elementary => Some(StreamFormat::Elementary),
             DemuxerState::Program(_) => Some(StreamFormat::Program),

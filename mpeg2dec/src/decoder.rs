@@ -13,6 +13,7 @@ use crate::{
     units::{StreamItem, UnitSplitter},
 };
 use marks::TimeMarks;
+use mpeg2::Standard;
 use pictures::{PictureDecoder, Started};
 
 /// picture_start_code.
@@ -47,12 +48,14 @@ impl Default for DecoderOptions {
 pub struct DecoderCounts {
     /// Pictures passed to the caller.
     pub pictures: u64,
-    /// Coded pictures without output: missing references, no slices, or of an unsupported type (D pictures).
+    /// Coded pictures without output: missing references, no slices, or of an unknown type.
     pub dropped: u64,
     /// Slices that ended with an error.
     pub damaged_slices: u64,
     /// Macroblocks that were concealed.
     pub concealed_macroblocks: u64,
+    /// Missing packets of transport streams; see [`Demuxer::lost_packets`](crate::Demuxer::lost_packets).
+    pub lost_packets: u64,
 }
 
 /// A decoder of MPEG-1 and MPEG-2 elementary streams.
@@ -173,7 +176,14 @@ impl Syntax {
     fn end_sequence(&mut self, show: &mut dyn FnMut(DecodedPicture)) {
         self.pictures.finish(show);
         self.pictures.end_sequence(show);
-        self.header = None;
+        self.drop_header();
+    }
+
+    /// Counts a picture without slices.
+    fn drop_header(&mut self) {
+        if self.header.take().is_some() {
+            self.pictures.drop_picture();
+        }
     }
 
     fn unit(&mut self, code: u8, data: &[u8], show: &mut dyn FnMut(DecodedPicture)) {
@@ -185,19 +195,18 @@ impl Syntax {
                 // The last flag of the header's fixed part precedes the matrices.
                 matrices.load(&mut bits, 2);
                 self.matrices = Some(matrices);
-                self.header = None;
+                self.drop_header();
             }
             EXTENSION => self.extension(&mut bits),
             GROUP => {
                 bits.read(25); // time_code
                 self.pictures.start_group(bits.flag(), bits.flag());
-                self.header = None;
+                self.drop_header();
             }
             PICTURE => {
-                if self.header.take().is_some() {
-                    self.pictures.drop_picture();
-                }
-                self.header = CodedHeader::read(&mut bits);
+                self.drop_header();
+                let is_mpeg1 = self.sequence.is_none_or(|sequence| sequence.standard == Standard::Mpeg1);
+                self.header = CodedHeader::read(&mut bits).filter(|header| is_mpeg1 || !header.is_dc_only);
                 if self.header.is_none() {
                     self.pictures.drop_picture();
                 }

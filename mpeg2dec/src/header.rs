@@ -17,7 +17,10 @@ pub(crate) enum PictureStructure {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CodedHeader {
     pub temporal_reference: u16,
+    /// Picture type. D pictures are I pictures whose blocks have only DC coefficients.
     pub kind: PictureType,
+    /// Whether the picture is a D picture of MPEG-1 (11172-2, 2.4.3.4).
+    pub is_dc_only: bool,
     /// Whether forward and backward vectors are in whole samples (MPEG-1).
     pub full_pel: [bool; 2],
     /// f_code by direction and component.
@@ -36,11 +39,12 @@ pub(crate) struct CodedHeader {
 }
 
 impl CodedHeader {
-    /// Reads a picture header. `None` if the picture type is not I, P or B.
+    /// Reads a picture header. `None` if the picture type is not I, P, B or D.
     pub fn read(bits: &mut BitReader) -> Option<Self> {
         let temporal_reference = bits.read(10) as u16;
-        let kind = match bits.read(3) {
-            1 => PictureType::I,
+        let code = bits.read(3);
+        let kind = match code {
+            1 | 4 => PictureType::I,
             2 => PictureType::P,
             3 => PictureType::B,
             _ => return None,
@@ -55,6 +59,7 @@ impl CodedHeader {
         Some(Self {
             temporal_reference,
             kind,
+            is_dc_only: code == 4,
             full_pel,
             f_code,
             dc_shift: 3,

@@ -50,6 +50,6 @@ impl Input {
     /// Returns the numbers of pictures and errors.
     #[must_use]
     pub fn counts(&self) -> DecoderCounts {
-        self.decoder.counts()
+        DecoderCounts { lost_packets: self.demuxer.lost_packets(), ..self.decoder.counts() }
     }
 }

@@ -19,7 +19,7 @@
 //! assert_eq!(brightness.len(), 6);
 //! ```
 //!
-//! - Profiles: Main and 4:2:2 profile tools, and 4:4:4, without scalability. D pictures of MPEG-1 are dropped.
+//! - Profiles: Main and 4:2:2 profile tools, and 4:4:4, without scalability. MPEG-1 with D pictures.
 //! - Samples of steady streams are decoded without allocation. Memory is bounded for any input.
 //! - Invalid data does not panic. Damaged slices are concealed by motion-compensated samples of a reference, and counted.
 //! - The inverse transform equals that of `mpeg2enc` in all bits, on every processor.

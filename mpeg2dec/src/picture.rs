@@ -47,6 +47,8 @@ impl<'a> SamplePlane<'a> {
 pub struct PictureFlags {
     /// Coding type; the type of the first field of two field pictures.
     pub kind: PictureType,
+    /// Whether this is a D picture of MPEG-1, whose blocks contain only their mean.
+    pub is_dc_only: bool,
     /// temporal_reference: display order within the group of pictures.
     pub temporal_reference: u16,
     /// Whether the frame was coded as two field pictures.

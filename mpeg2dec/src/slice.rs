@@ -176,6 +176,10 @@ impl<'a> SliceDecoder<'a> {
         let header = &coding.header;
         self.bits.refill();
         let flags = MACROBLOCK_TYPES[header.kind as usize - 1].take(&mut self.bits)?;
+        // The only type of macroblocks in D pictures has no quantiser_scale.
+        if header.is_dc_only && flags != INTRA {
+            return Err(Invalid);
+        }
         let is_intra = flags & INTRA != 0;
         let kind = self.motion_kind(flags)?;
         let asks_dct_type = coding.is_frame() && !header.frame_pred_frame_dct && flags & (INTRA | PATTERN) != 0;
@@ -245,6 +249,9 @@ impl<'a> SliceDecoder<'a> {
             let dc = self.dc(component)?;
             self.block(i, by_field, Some(dc << self.coding.header.dc_shift))?;
         }
+        if self.coding.header.is_dc_only && self.bits.read(1) == 0 {
+            return Err(Invalid); // end_of_macroblock
+        }
         self.record.set(address, motion.vectors[0][0]);
         self.store(address);
         Ok(())
@@ -289,6 +296,11 @@ impl<'a> SliceDecoder<'a> {
     #[inline]
     fn block(&mut self, i: usize, by_field: bool, dc: Option<i32>) -> Result<(), Invalid> {
         let is_intra = dc.is_some();
+        if let Some(dc) = dc.filter(|_| self.coding.header.is_dc_only) {
+            self.coefficients.set_dc(dc);
+            BlockSlot::new(&self.buffer, i, by_field).add(&self.coefficients, is_intra, &mut self.buffer);
+            return Ok(());
+        }
         // Chroma of 4:2:0 has the matrices of luma (7.4.2.1).
         let is_chroma = i >= 4 && self.coding.blocks > 6;
         let block = BlockQuantiser {

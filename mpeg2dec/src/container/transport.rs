@@ -30,6 +30,8 @@ pub(super) struct TransportDemuxer {
     guessed_pid: Option<u16>,
     /// continuity_counter of the last video packet with payload.
     counter: Option<u8>,
+    /// Number of video packets that are missing, from gaps in continuity_counter, whose values repeat after 16 packets.
+    lost: u64,
     /// Bytes of an incomplete PES header.
     header: Vec<u8>,
     /// Whether the header of the PES packet is incomplete.
@@ -43,6 +45,8 @@ struct TransportPayload<'a> {
     /// payload_unit_start_indicator.
     starts: bool,
     counter: u8,
+    /// discontinuity_indicator: the counter starts again.
+    restarts: bool,
     bytes: &'a [u8],
 }
 
@@ -56,12 +60,13 @@ impl<'a> TransportPayload<'a> {
             return None;
         }
         // Skip the adaptation field.
-        let start = if control & 0x20 != 0 { 5 + usize::from(*packet.get(4)?) } else { 4 };
+        let field = if control & 0x20 != 0 { 1 + usize::from(*packet.get(4)?) } else { 0 };
         Some(Self {
             pid: u16::from_be_bytes([flags & 0x1f, low]),
             starts: flags & 0x40 != 0,
             counter: control & 0x0f,
-            bytes: packet.get(start..).filter(|bytes| !bytes.is_empty())?,
+            restarts: field > 1 && packet.get(5)? & 0x80 != 0,
+            bytes: packet.get(4 + field..).filter(|bytes| !bytes.is_empty())?,
         })
     }
 }
@@ -79,6 +84,7 @@ impl TransportDemuxer {
             video_pid: None,
             guessed_pid: None,
             counter: None,
+            lost: 0,
             header: Vec::new(),
             in_header: false,
             time: None,
@@ -87,6 +93,10 @@ impl TransportDemuxer {
 
     pub fn packet_size(&self) -> usize {
         self.packet_size
+    }
+
+    pub fn lost_packets(&self) -> u64 {
+        self.lost
     }
 
     pub fn push(&mut self, bytes: &[u8], receive: &mut dyn FnMut(DemuxedData)) {
@@ -141,7 +151,8 @@ impl TransportDemuxer {
         } else if self.is_video(&payload) {
             // Packets may be sent twice.
             if self.counter != Some(payload.counter) {
-                self.counter = Some(payload.counter);
+                let last = self.counter.replace(payload.counter).filter(|_| !payload.restarts);
+                self.lost += last.map_or(0, |last| u64::from(payload.counter.wrapping_sub(last + 1) & 0x0f));
                 self.video(payload, receive);
             }
         }

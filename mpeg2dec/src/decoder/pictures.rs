@@ -257,6 +257,7 @@ fn flags(header: &CodedHeader, sequence: &Sequence) -> PictureFlags {
     let is_mpeg1 = sequence.standard == Standard::Mpeg1;
     PictureFlags {
         kind: header.kind,
+        is_dc_only: header.is_dc_only,
         temporal_reference: header.temporal_reference,
         is_field_pair: header.structure != PictureStructure::Frame,
         // The first field of a field pair is the first one displayed.

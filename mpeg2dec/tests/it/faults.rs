@@ -183,3 +183,17 @@ fn single_field_at_the_end() {
     assert_eq!(count(&found), 7, "the other field is repeated");
     assert!(found.counts.concealed_macroblocks > 0);
 }
+
+#[test]
+fn missing_transport_packets_are_counted() {
+    let stream = encoded("96x64", "ts", "-pix_fmt yuv420p -c:v mpeg2video -bf 2 -q:v 5 -g 6");
+    assert_eq!(decoded(&stream, 1000).counts.lost_packets, 0);
+    // ffmpeg's first PID is 256.
+    let is_video = |packet: &[u8]| packet[1] & 31 == 1;
+    let video: Vec<usize> = (0..stream.len() / 188).filter(|n| is_video(&stream[188 * n..])).collect();
+    for lost in [vec![video[5]], video[5..8].to_vec(), vec![video[video.len() - 2]]] {
+        let packets = stream.chunks(188).enumerate().filter(|(n, _)| !lost.contains(n));
+        let rest: Vec<u8> = packets.flat_map(|(_, packet)| packet).copied().collect();
+        assert_eq!(decoded(&rest, 1000).counts.lost_packets, lost.len() as u64);
+    }
+}

@@ -1,9 +1,10 @@
 //! Random streams that use syntax that no available encoder writes: field pictures, 16×8 and dual-prime prediction, 4:4:4,
 //! concealment vectors, slices that start anywhere.
 
+mod dc_only; // D pictures
 mod macroblock; // random macroblocks
-mod stream;
-mod syntax; // codes of syntax elements // headers and slices
+mod stream; // headers and slices
+mod syntax; // codes of syntax elements
 
 use crate::common::check;
 use stream::{Features, random_stream};

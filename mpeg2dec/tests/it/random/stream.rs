@@ -94,7 +94,7 @@ pub fn random_stream(features: Features, seed: u64) -> Vec<u8> {
     writer.bytes
 }
 
-fn sequence_header(writer: &mut Writer, features: Features) {
+pub fn sequence_header(writer: &mut Writer, features: Features) {
     writer.start_code(0xb3);
     writer.put(16 * COLUMNS as u32, 12);
     writer.put(16 * ROWS as u32, 12);
