@@ -55,6 +55,8 @@ mod picture; // decoded pictures
 mod container; // program and transport streams
 mod input; // streams of any kind
 
+pub mod web; // files of the npm package
+
 pub use crate::{
     captions::{CaptionPair, Captions},
     container::{DemuxedData, Demuxer, StreamFormat},
