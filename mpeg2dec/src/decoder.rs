@@ -48,7 +48,7 @@ impl Default for DecoderOptions {
 pub struct DecoderCounts {
     /// Pictures passed to the caller.
     pub pictures: u64,
-    /// Coded pictures without output: missing references, no slices, or of an unknown type.
+    /// Coded pictures without output: missing references or sequence header, no slices, or of an unknown type.
     pub dropped: u64,
     /// Slices that ended with an error.
     pub damaged_slices: u64,
@@ -216,11 +216,13 @@ impl Syntax {
                 self.user_data.extend_from_slice(data);
             }
             _ if SLICES.contains(&code) => {
-                if let (Some(header), Some(sequence), Some(matrices)) =
-                    (self.header.take(), &self.sequence, &self.matrices)
-                {
-                    let started = Started { header, sequence, matrices, time: self.time.take() };
-                    self.pictures.start(started, &mut self.user_data, show);
+                match (self.header.take(), &self.sequence, &self.matrices) {
+                    (Some(header), Some(sequence), Some(matrices)) => {
+                        let started = Started { header, sequence, matrices, time: self.time.take() };
+                        self.pictures.start(started, &mut self.user_data, show);
+                    }
+                    (Some(_), ..) => self.pictures.drop_picture(),
+                    (None, ..) => {}
                 }
                 self.pictures.slice(code, data);
             }

@@ -1,6 +1,6 @@
 //! Decoder of streams in any supported container.
 
-use crate::{DecodedPicture, Decoder, DecoderCounts, DecoderOptions, Demuxer, StreamFormat};
+use crate::{DecodedPicture, Decoder, DecoderCounts, DecoderOptions, Demuxer, Sequence, StreamFormat};
 
 /// A [`Demuxer`] with a [`Decoder`].
 ///
@@ -45,6 +45,12 @@ impl Input {
     #[must_use]
     pub fn format(&self) -> Option<StreamFormat> {
         self.demuxer.format()
+    }
+
+    /// Returns the current sequence, after its first picture has started.
+    #[must_use]
+    pub fn sequence(&self) -> Option<&Sequence> {
+        self.decoder.sequence()
     }
 
     /// Returns the numbers of pictures and errors.
