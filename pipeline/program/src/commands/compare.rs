@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// Options of a comparison.
 #[derive(Args)]
 pub struct Compare {
-    /// Picture to measure: a picture (.exr, .png), a folder of pictures, or a video (.y4m; others through ffmpeg)
+    /// Picture to measure: a picture (.exr, .png), a folder of pictures, or a video (.y4m, .m2v, .mpg, .vob, .ts; .mp4 and .mkv by ffmpeg)
     picture: PathBuf,
     /// Reference, of the same kind; variance stored in it is subtracted as noise
     reference: PathBuf,
