@@ -121,9 +121,10 @@ impl FilmLog {
     /// Writes the coded bytes, and reports each coded picture with its waiting figures. If the film ends early,
     /// `ending` completes it.
     pub fn hand_out(&mut self, coded: Encoded, ending: Vec<u8>, observer: &dyn Observer) -> Result<Coding> {
-        let Encoded { bytes, pictures, coding } = coded;
+        let Encoded { bytes, pictures, units, coding } = coded;
         self.output.as_mut().map_or(Ok(()), |output| output.write_before(&bytes, ending))?;
         observer.bytes(&bytes);
+        units.iter().for_each(|unit| observer.coded(unit));
 
         // Report coded pictures with the figures that were stored when they entered the encoder.
         for picture in &pictures {

@@ -1,7 +1,7 @@
 //! Observers of a running film.
 
 use crate::report::FrameReport;
-use crate::stage::Shaded;
+use crate::stage::{CodedUnit, Shaded};
 use perceptual::YCbCr;
 use plane::{Picture, Plane};
 use std::sync::Mutex;
@@ -28,6 +28,9 @@ pub trait Observer: Sync {
 
     /// Receives the next bytes of the film.
     fn bytes(&self, _bytes: &[u8]) {}
+
+    /// Receives the next picture of the elementary stream, in coding order, if the encoder provides it.
+    fn coded(&self, _unit: &CodedUnit) {}
 
     /// Receives the report of a coded frame, in coding order.
     fn frame(&self, _report: &FrameReport) {}

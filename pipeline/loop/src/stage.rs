@@ -265,8 +265,21 @@ pub struct Encoded {
     pub bytes: Vec<u8>,
     /// Pictures coded in this step, in coding order.
     pub pictures: Vec<CodedFrame>,
+    /// The same pictures without a container, for observers; empty if the encoder does not provide them.
+    pub units: Vec<CodedUnit>,
     /// Coding of this step's picture, or the expected coding.
     pub coding: Coding,
+}
+
+/// Picture of an elementary stream.
+#[derive(Clone, Debug)]
+pub struct CodedUnit {
+    /// Display position. It starts with the number of the film's first frame, times the number of pictures per frame.
+    pub position: u64,
+    /// Type of the picture: I, P or B.
+    pub picture_type: PictureType,
+    /// Coded picture with its headers.
+    pub bytes: Vec<u8>,
 }
 
 /// Coded frame, for the report.

@@ -6,7 +6,7 @@ use mpeg2enc::{AccessUnit, Container, Encoder, Finish, Multiplexer, Packet, Pict
 use perceptual::NextPicture;
 use pipeline::chunks::begins_chunk;
 use pipeline::error::{Error, Result};
-use pipeline::stage::{CodedFrame, Coding, Displayed, Encode, Encoded};
+use pipeline::stage::{CodedFrame, CodedUnit, Coding, Displayed, Encode, Encoded};
 use pipeline::state::{NONSENSE, decode, encode};
 use plane::{Correspondence, Plane};
 use render_core::MACROBLOCK;
@@ -166,11 +166,12 @@ impl Video {
     }
 }
 
-/// Joins two steps: concatenates bytes and pictures, and keeps the `coding` of the second step.
+/// Joins two steps: concatenates bytes, pictures and units, and keeps the `coding` of the second step.
 fn joined(first: Encoded, then: Encoded) -> Encoded {
     Encoded {
         bytes: [first.bytes, then.bytes].concat(),
         pictures: [first.pictures, then.pictures].concat(),
+        units: [first.units, then.units].concat(),
         coding: then.coding,
     }
 }
@@ -201,6 +202,11 @@ impl Stream {
             coded.pictures.extend(self.count(&packet, first));
             let before = u64::from(first.saturating_sub(self.first)) * u64::from(self.pictures);
             let unit = AccessUnit { display_index: before + packet.display_index, ..packet.into() };
+            coded.units.push(CodedUnit {
+                position: u64::from(self.first) * u64::from(self.pictures) + unit.display_index,
+                picture_type: unit.picture_type,
+                bytes: unit.data.clone(),
+            });
             coded.bytes.extend(self.multiplexer.push(unit));
         }
         // Report the last frame now if no later packet can add pictures to it.
