@@ -3,7 +3,7 @@
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use tests::{Moving, Rendered, checkered_room, render};
+use tests::{Moving, Rendered, checkered_room, decode_ffmpeg, render, show};
 
 const SMALL: &str = "--size 64x64 --vpls 60 --photons 3000";
 
@@ -43,6 +43,12 @@ fn from_base64(text: &str) -> Vec<u8> {
     bytes
 }
 
+/// Returns the embedded stream.
+fn embedded(html: &str) -> Vec<u8> {
+    let text = html.split("\"base64\":\"").nth(1).expect("a stream");
+    from_base64(text.split('"').next().unwrap())
+}
+
 /// Checks that every element is closed in order, each attribute is quoted, and no id repeats.
 fn assert_sound(html: &str) {
     const EMPTY: [&str; 5] = ["meta", "link", "br", "img", "input"];
@@ -64,9 +70,9 @@ fn assert_sound(html: &str) {
         if !EMPTY.contains(&name) && !tag.ends_with('/') {
             open.push(name);
         }
-        // The content of a style sheet is not parsed.
-        if name == "style" {
-            rest = &rest[rest.find("</style>").expect("it ends")..];
+        // The contents of style sheets and scripts are not parsed.
+        if name == "style" || name == "script" {
+            rest = &rest[rest.find(&format!("</{name}>")).expect("it ends")..];
         }
     }
     assert_eq!(open, [""; 0]);
@@ -84,13 +90,10 @@ fn it_shows_the_film_and_names_no_folder() {
     let (film, html) = film(folder.path(), Moving::Box, "--frames 5 --qscale 16");
     assert_sound(&html);
 
-    // Three frames, the strip with its player, and maps of the middle frame.
-    for frame in [0, 2, 4] {
-        assert!(html.contains(&format!("alt=\"Frame {frame}, decoded\"")), "{frame}");
-    }
-    assert_eq!(data(&html, "image/jpeg").len(), 4, "three frames and the strip");
-    for words in ["Frames 0 to 4", "prefers-reduced-motion", ">Pause<", "Thresholds of frame 2", "Cut sizes of frame 2"]
-    {
+    // The film, its middle frame as a poster, and maps of that frame.
+    assert!(html.contains("alt=\"Frame 2 of the film\"") && data(&html, "image/jpeg").len() == 1);
+    assert_eq!(embedded(&html), film.stream[..film.stream.len() - 4], "all but sequence_end_code");
+    for words in ["<canvas", ">Play</button>", "Thresholds of frame 2", "Cut sizes of frame 2"] {
         assert!(html.contains(words), "{words}");
     }
     assert!(html.contains("Shading of frame 2") && data(&html, "image/png").len() == 3, "three maps");
@@ -102,6 +105,7 @@ fn it_shows_the_film_and_names_no_folder() {
     assert!(html.contains("<td>qscale</td><td>16</td><td>8</td>"), "the option next to its default");
     assert!(!html.contains("<td>bframes</td><td>0</td><td>"), "a default is no choice");
     assert!(!html.contains("http:") && !html.contains("https:"), "a page loads nothing");
+    assert!(html.contains("content=\"default-src 'none'; script-src"), "and browsers enforce this");
     let folders = folder.path().display().to_string();
     let json = String::from_utf8(data(&html, "application/json").remove(0)).unwrap();
     assert!(!html.contains(&folders) && !html.contains(">/"), "the page names a folder");
@@ -119,7 +123,7 @@ fn it_shows_the_film_and_names_no_folder() {
     let drawings = data(&html, "image/svg+xml");
     assert_eq!(drawings.len(), html.matches("<svg class=\"plot\"").count());
     assert!(drawings.iter().all(|drawing| drawing.starts_with(b"<svg xmlns")));
-    assert!(html.len() < 300_000, "{} bytes", html.len());
+    assert!(html.len() < 400_000, "{} bytes", html.len());
 }
 
 /// A page does not change the film: the stream stays the same, and frame files get no additional layers.
@@ -136,8 +140,8 @@ fn it_changes_neither_the_film_nor_its_frames() {
         assert!(watched == fs::read(&frames).unwrap(), "{options}: other layers");
         assert_sound(&html);
         assert!(html.contains("Cut sizes of frame "), "{options}");
-        let last = with.report["frames"].as_array().unwrap().len() - 1;
-        assert!(html.contains("alt=\"Frame 0, decoded\"") && html.contains(&format!("alt=\"Frame {last}, decoded\"")));
+        // Only sequence_end_code is missing.
+        assert!(with.stream.starts_with(&embedded(&html)) && with.stream.len() - embedded(&html).len() == 4);
     }
 }
 
@@ -155,12 +159,83 @@ fn what_never_changes_has_no_plot() {
     assert!(html.contains("aria-label=\"CPU seconds of the stages\""));
     // It has no thresholds and no cuts: no maps of them.
     assert!(!html.contains("Thresholds of frame") && !html.contains("Cut sizes of frame"));
-    // One frame has no strip.
+    // A film of one frame has no plots.
     let one =
         render(folder.path(), "one", &folder.path().join("room.glb"), &format!("{SMALL} --frames 1 --html one.html"));
     let html = fs::read_to_string(folder.path().join("one.html")).unwrap();
     assert_sound(&html);
-    assert!(
-        !html.contains("class=\"strip\"") && html.matches("<svg").count() == 0 && one.figures(&["bits"]).len() == 1
-    );
+    assert!(html.matches("<svg").count() == 0 && one.figures(&["bits"]).len() == 1);
+}
+
+/// Reads the canvas at the frames `FRAMES`, then presses keys. The samples of each frame become the title of an element,
+/// and the frames after each key become the title of the page's body.
+const READ: &str = "<script>
+const until = async (isTrue) => { while (!isTrue()) await new Promise(end => setTimeout(end, 5)); };
+const press = async (key) => {
+  document.body.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
+  await until(() => !player.isBusy);
+  return player.shown;
+};
+const read = async () => {
+  await until(() => document.documentElement.dataset.ready === 'yes');
+  player.play(false);
+  await until(() => !player.isBusy);
+  const canvas = document.querySelector('canvas');
+  for (const frame of FRAMES) {
+    await player.seek(frame);
+    const copy = document.createElement('canvas');
+    [copy.width, copy.height] = [canvas.width, canvas.height];
+    const context = copy.getContext('2d');
+    context.drawImage(canvas, 0, 0);
+    const samples = context.getImageData(0, 0, copy.width, copy.height).data;
+    const mark = document.body.appendChild(document.createElement('i'));
+    mark.title = [...samples].map(code => code.toString(16).padStart(2, '0')).join('');
+  }
+  const keys = [];
+  for (const key of ['End', 'ArrowLeft', 'Home', 'ArrowLeft', 'ArrowRight']) keys.push(await press(key));
+  await press(' ');
+  document.body.title = `${keys} ${player.clock !== null}`;
+};
+read();
+</script></body>";
+
+/// Returns the R′G′B′ samples of the canvas at several frames, in this order.
+fn canvas_at(page: &Path, frames: &[usize], options: &[&str]) -> Option<Vec<Vec<u8>>> {
+    let script = READ.replace("FRAMES", &format!("{frames:?}"));
+    let reading = page.with_extension("reading.html");
+    fs::write(&reading, fs::read_to_string(page).unwrap().replace("</body>", &script)).unwrap();
+    let dom = show(&reading, options)?.dom;
+    assert!(dom.contains("title=\"6,5,0,6,0 true\""), "frames after keys: {:?}", dom.split("<body").nth(1));
+    let mut pictures = Vec::new();
+    for text in dom.split("<i title=\"").skip(1) {
+        let digits = text.split('"').next().unwrap().as_bytes();
+        let codes = digits.chunks(2).map(|pair| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap());
+        pictures.push(codes.collect());
+    }
+    Some(pictures)
+}
+
+/// The canvas shows the frames that ffmpeg decodes, in any order, by WebGL and without it.
+#[test]
+fn the_player_shows_each_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    film(folder.path(), Moving::Camera, "--frames 7 --gop 4 --bframes 2");
+    let expected = decode_ffmpeg(&folder.path().join("film.m2v"), (64, 64));
+    let frames = [6, 0, 3, 2, 1, 4, 5];
+    for options in [["--disable-3d-apis"], ["--enable-unsafe-swiftshader"]] {
+        let Some(shown) = canvas_at(&folder.path().join("film.html"), &frames, &options) else { return };
+        assert_eq!(shown.len(), frames.len());
+        for (samples, frame) in shown.iter().zip(frames) {
+            // Chroma is interpolated in several ways, which do not change luma unless a color is clipped.
+            let (mut count, mut largest) = (0, 0.0f32);
+            for (color, &luma) in samples.chunks(4).zip(expected[frame].luma().samples()) {
+                if color[..3].iter().all(|code| (1..255).contains(code)) {
+                    let [r, g, b] = [0, 1, 2].map(|c| f32::from(color[c]) * 219.0 / 255.0);
+                    largest = largest.max((16.0 + 0.2126 * r + 0.7152 * g + 0.0722 * b - f32::from(luma)).abs());
+                    count += 1;
+                }
+            }
+            assert!(count > 2000 && largest < 2.6, "frame {frame}: {largest} in {count} pixels, {options:?}");
+        }
+    }
 }

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
-use tests::{Moving, assert_fails, checkered_room, need, program, render, render2mpeg, sorted_names};
+use tests::{Moving, Shown, assert_fails, checkered_room, program, render, render2mpeg, show, sorted_names};
 
 /// Writes a room with fixed exposure, so that all its films are comparable.
 fn folder_with_room() -> tempfile::TempDir {
@@ -80,6 +80,11 @@ fn a_sweep_says_what_single_commands_say() {
         assert!(plot.contains(&label), "{label} in the legend");
     }
 
+    // The page starts with the last method, and its player has the reference and the films with cache.
+    let html = std::fs::read_to_string(folder.path().join("swept/sweep.html")).unwrap();
+    let label = run("perceptual-cache", 4)["label"].as_str().unwrap();
+    assert!(html.contains(&format!("<h2>{label}</h2>")), "{label}");
+    assert_eq!((html.matches("\"base64\":").count(), html.matches("<option").count()), (5, 10));
     // The page shows every plot that has a file.
     check_page(&folder.path().join("swept/sweep.html"), sorted_names(&folder.path().join("swept/plots")).len());
 }
@@ -155,21 +160,20 @@ fn what_cannot_be_swept_is_said() {
     }
 }
 
-/// Opens a page in Chromium, in a wide window and at phone width. All `plots` must be visible, the scripts must end, the
-/// console must be empty, and no element may be wider than the window.
+/// Opens a page in Chromium, in a wide window and at phone width. All `plots` must be in the page, the player must be
+/// ready, the console must be empty, and no element may be wider than the window.
 fn check_page(page: &Path, plots: usize) {
     let html = std::fs::read_to_string(page).unwrap();
     assert!(!html.contains("http://") && !html.contains("https://"), "a page loads nothing from elsewhere");
-    let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| starts(name));
-    let Some(browser) = need("chromium", browser) else { return };
-    // After loading, the page measures itself and posts the result to its parent.
+    // When the player is ready, the page opens all details, measures itself and posts the result to its parent.
     let measured = page.with_extension("measured.html");
-    let script = "<script>addEventListener('load', () => { const root = document.documentElement; parent.postMessage({ \
-        width: innerWidth, overflow: root.scrollWidth - root.clientWidth, ready: root.dataset.ready || 'no', \
+    let script = "<script>const wait = () => { const root = document.documentElement; \
+        if (root.dataset.ready !== 'yes') return setTimeout(wait, 5); \
+        player.play(false); document.querySelectorAll('details').forEach(one => one.open = true); \
+        parent.postMessage({ width: innerWidth, overflow: root.scrollWidth - root.clientWidth, ready: 'yes', \
         broken: [...document.images].filter(image => !image.naturalWidth).length, \
-        plots: document.querySelectorAll('svg.plot').length }, '*'); });</script></body>";
+        plots: document.querySelectorAll('svg.plot').length }, '*'); }; addEventListener('load', wait);</script></body>";
     std::fs::write(&measured, html.replace("</body>", script)).unwrap();
-    let profile = tempfile::tempdir().unwrap();
     for width in [1280, 390] {
         // Browser windows are at least 500 pixels wide. A frame inside a window may have any width, for layout and media
         // queries alike.
@@ -181,44 +185,18 @@ fn check_page(page: &Path, plots: usize) {
              <iframe src=\"{name}\" style=\"border:0;width:{width}px;height:1200px\"></iframe></body></html>"
         );
         std::fs::write(&shown, frame).unwrap();
-        let output = Command::new(browser)
-            .args([
-                "--headless",
-                "--no-sandbox",
-                "--disable-gpu",
-                "--hide-scrollbars",
-                "--enable-logging=stderr",
-                "--virtual-time-budget=3000",
-            ])
-            .arg(format!("--user-data-dir={}", profile.path().display()))
-            .arg("--window-size=1280,1200")
-            .arg("--dump-dom")
-            .arg(url(&shown))
-            .output()
-            .expect("the browser starts");
-        let (dom, log) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        let said: Vec<&str> = log.lines().filter(|line| line.contains("CONSOLE")).collect();
-        assert!(said.is_empty(), "{said:?}");
-        let ready = if html.contains("<script>") { "yes" } else { "no" };
+        let Some(Shown { dom, console }) = show(&shown, &["--disable-3d-apis"]) else { return };
+        assert!(console.is_empty(), "{console:?}");
         let figures = [
             ("width", width.to_string()),
             ("overflow", "0".into()),
             ("broken", "0".into()),
             ("plots", plots.to_string()),
-            ("ready", ready.into()),
+            ("ready", "yes".into()),
         ];
         for (name, expected) in figures {
             let told = format!("data-{name}=\"{expected}\"");
             assert!(dom.contains(&told), "at {width}, {told}: {}", &dom[..dom.len().min(300)]);
         }
     }
-}
-
-fn starts(program: &str) -> bool {
-    Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
-}
-
-fn url(path: &Path) -> String {
-    let path: PathBuf = path.canonicalize().unwrap();
-    format!("file://{}", path.display())
 }

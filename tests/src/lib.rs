@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod blocks;
+mod browser;
 mod decoders;
 mod exchange;
 pub mod fuzz;
@@ -16,6 +17,7 @@ mod tools;
 pub mod truth;
 
 pub use blocks::{Blocks, Comparison};
+pub use browser::{Shown, show};
 pub use decoders::{decode_ffmpeg, decode_mpeg2dec, read_y4m, tolerant_frame_count};
 pub use exchange::Exchange;
 pub use glb::{Ball, Glb, Moving, Quad, checkered_room, furnace, textured_square};

@@ -1,4 +1,4 @@
-//! PNG files of pictures for display, single and animated.
+//! PNG files of pictures for display.
 
 use plane::Plane;
 use render2mpeg::error::{Cause, Error, Result};
@@ -47,31 +47,14 @@ fn decode(file: impl std::io::BufRead + std::io::Seek) -> Result<Plane<[u8; 3]>,
 /// # Panics
 /// If the picture has no pixels.
 pub fn encode(picture: &Plane<[u8; 3]>) -> Vec<u8> {
-    animation(std::slice::from_ref(picture), 1.0)
-}
-
-/// Encodes an animated PNG file with `fps` pictures per second, which browsers play in a loop.
-///
-/// # Panics
-/// If `pictures` is empty, or the pictures differ in size or have no pixels.
-pub fn animation(pictures: &[Plane<[u8; 3]>], fps: f64) -> Vec<u8> {
     const WRITES: &str = "writing into memory cannot fail";
-    let (width, height) = (pictures[0].width(), pictures[0].height());
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, width as u32, height as u32);
+    let mut encoder = png::Encoder::new(&mut bytes, picture.width() as u32, picture.height() as u32);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::High);
-    if pictures.len() > 1 {
-        // Loop forever: 0 plays means without limit.
-        encoder.set_animated(pictures.len() as u32, 0).expect(WRITES);
-        encoder.set_frame_delay(1000, (1000.0 * fps).round().clamp(1.0, 65535.0) as u16).expect(WRITES);
-    }
     let mut writer = encoder.write_header().expect(WRITES);
-    for picture in pictures {
-        assert_eq!((picture.width(), picture.height()), (width, height), "pictures of one film have one size");
-        writer.write_image_data(picture.samples().as_flattened()).expect(WRITES);
-    }
+    writer.write_image_data(picture.samples().as_flattened()).expect(WRITES);
     writer.finish().expect(WRITES);
     bytes
 }
@@ -86,9 +69,6 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         std::fs::write(&path, encode(&picture)).unwrap();
-        assert_eq!(read(&path).unwrap(), picture);
-        // Reading an animation must return the first picture.
-        std::fs::write(&path, animation(&[picture.clone(), Plane::filled(7, 5, [0; 3])], 25.0)).unwrap();
         assert_eq!(read(&path).unwrap(), picture);
         std::fs::write(&path, b"no picture").unwrap();
         assert!(read(&path).unwrap_err().chain().contains("a.png"));

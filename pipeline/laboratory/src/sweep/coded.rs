@@ -2,8 +2,10 @@
 
 use super::film::{Film, FilmFrame};
 use crate::compare::{Picture, Pictures};
-use mpeg2enc::Encoder;
+use crate::page::PageStream;
+use mpeg2enc::{Encoder, Packet};
 use pipeline::output::Output;
+use pipeline::stage::CodedUnit;
 use render_core::Busy;
 use render2mpeg::error::{Context, Error, Result};
 use render2mpeg::settings::Settings;
@@ -16,6 +18,8 @@ use std::sync::Arc;
 
 /// Coded picture.
 pub(super) struct CodedFrame {
+    /// Picture of the elementary stream.
+    pub unit: CodedUnit,
     /// Picture as reconstructed by the decoder.
     pub decoded: Arc<plane::Picture>,
     /// Size of the picture including headers \[bits\].
@@ -30,6 +34,18 @@ pub struct Coder {
     encoder: Encoder,
     pool: rayon::ThreadPool,
     sinks: Sinks,
+}
+
+/// Returns the stream of `film` at the finest quantiser, for a page.
+///
+/// # Errors
+/// If frames cannot be read, or the stream differs from the stream that the driver wrote.
+pub fn finest_stream(film: &Film, limit: usize) -> Result<PageStream> {
+    let (mut coder, mut stream) = (Coder::new(film, 1)?, PageStream::new(limit));
+    for frame in film.frames()? {
+        stream.push(&coder.push(&frame?)?.unit);
+    }
+    Ok(stream)
 }
 
 /// Consumers of the stream's bytes.
@@ -78,11 +94,12 @@ impl Coder {
         let mut packets = pool.install(|| busy.measure(|| encoder.push(&frame.picture, known.into())));
         let packet = packets.pop().ok_or_else(|| Error::fault("a frame without a packet"))?;
         self.sinks.take(&packet.data)?;
-        let decoded = packet.reconstruction;
+        let Packet { data: bytes, display_index: position, picture_type, reconstruction: decoded, bits, .. } = packet;
         if let Some(copy) = &mut self.sinks.copy {
             copy.decoded.write(&decoded)?;
         }
-        Ok(CodedFrame { decoded, bits: packet.bits, seconds: busy.seconds() })
+        let unit = CodedUnit { position, picture_type, bytes };
+        Ok(CodedFrame { unit, decoded, bits, seconds: busy.seconds() })
     }
 
     /// Ends the stream, and runs the check by another decoder if requested.

@@ -6,6 +6,7 @@ use super::film::{Film, FilmFrame};
 use super::histogram::Ratios;
 use super::method::Method;
 use crate::compare::{Comparison, Picture, measure};
+use crate::page::PageStream;
 use perceptual::{ColorMatrix, YCbCr, flicker, luminance, to_rgb8};
 use plane::{Correspondence, NO_MATCH, Plane};
 use render2mpeg::error::{Error, Result};
@@ -19,16 +20,16 @@ pub struct Measured {
     pub run: MethodRun,
     /// Pictures of the last frame.
     pub pictures: RunPictures,
-    /// First decoded pictures, in the requested number.
-    pub clip: Vec<Plane<[u8; 3]>>,
+    /// Stream of the film, for the page.
+    pub stream: PageStream,
     /// Result of the check by another decoder, if requested.
     pub check: Option<DecoderCheck>,
 }
 
 /// Optional results of a measurement.
 pub struct Wanted<'a> {
-    /// Number of decoded pictures to keep, starting with the first frame.
-    pub clip: usize,
+    /// Maximum length of the stream to keep \[bytes\].
+    pub stream_max: usize,
     /// Folder for temporary files of another decoder; `None` for no check.
     pub check_below: Option<&'a Path>,
 }
@@ -46,16 +47,15 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
     // Code the first frame, but count it only if it is the only frame, because it has no thresholds.
     let uncounted = usize::from(count > 1);
     let lightcuts = film.stream.is_some();
-    let (mut sums, mut clip, mut last) = (FrameSums::new(film, count - uncounted), Vec::new(), None);
+    let (mut sums, mut last) = (FrameSums::new(film, count - uncounted), None);
+    let mut stream = PageStream::new(wanted.stream_max);
 
     // Read film and reference in parallel, frame by frame.
     for (n, (frame, truth)) in film.frames()?.zip(reference.frames()?).enumerate() {
         let (frame, truth) = (frame?, truth?);
         let coded = coder.push(&frame)?;
         flicker.add(&frame, &coded.decoded, &of_reference.push(&truth)?.decoded);
-        if n < wanted.clip {
-            clip.push(to_rgb8(&coded.decoded));
-        }
+        stream.push(&coded.unit);
         if n >= uncounted {
             sums.add(&frame, &truth, &coded);
         }
@@ -69,7 +69,7 @@ pub fn measured(method: &Method, qscale: u32, film: &Film, reference: &Film, wan
         return Err(Error::fault("a film without frames: this is a bug"));
     }
     let run = MethodRun { flicker: flicker.mean(), ..sums.into_run(method, qscale, film) };
-    Ok(Measured { run, pictures: last.expect("checked"), clip, check: coder.finish()? })
+    Ok(Measured { run, pictures: last.expect("checked"), stream, check: coder.finish()? })
 }
 
 /// Additional change between frames of a decoded film, compared with the decoded reference.

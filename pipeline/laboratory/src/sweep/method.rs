@@ -65,6 +65,9 @@ pub const METHODS: &[Method] = &[
     paths("paths-64", "64 paths", 64, 2),
 ];
 
+/// Name of the method with the default options of films.
+pub const DEFAULT_METHOD: &str = "codec-cache";
+
 /// Selects the thresholds of the masking model.
 fn masking(options: &mut Options) -> &mut Options {
     options.thresholds = Some(Thresholds::Perceptual);

@@ -26,6 +26,7 @@ pub use histogram::ErrorHistogram;
 pub use method::{METHODS, Method, UnknownMethod, Way};
 
 use crate::compare::Picture;
+use crate::page::PageStream;
 use figures::mean_seconds;
 use film::{Film, Workshop, settings_for};
 use measurement::{Measured, Wanted, measured};
@@ -57,8 +58,8 @@ pub const DEFAULT_SIZE: Size = Size { width: 144, height: 144 };
 /// Default quantiser_scale values, from almost lossless to obvious blocks.
 pub const DEFAULT_QSCALES: [u32; 5] = [2, 8, 16, 32, 48];
 
-/// Maximum number of pictures of the page's looping clip.
-const CLIP_FRAMES: usize = 50;
+/// Maximum length of all streams in the page \[bytes\].
+const STREAMS_MAX: usize = 12 << 20;
 
 /// Scene of a sweep.
 #[derive(Clone, Copy)]
@@ -88,8 +89,10 @@ pub struct Swept {
     pub outcome: Outcome,
     /// Pictures of the last frame of each run, in the order of the runs.
     pub pictures: Vec<RunPictures>,
-    /// Index of the run that is shown as a clip, and the first decoded pictures of that run.
-    pub clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
+    /// Streams of the runs for the page, in the order of the runs.
+    pub streams: Vec<PageStream>,
+    /// Stream of the reference at the finest quantiser.
+    pub reference: PageStream,
     /// Last frame of the reference before compression, with compensation if such a reference exists.
     pub truth: Plane<[u8; 3]>,
 }
@@ -137,12 +140,14 @@ impl Sweep {
             qscales: &qscales,
             methods: &methods,
             references: &references,
+            stream_max: STREAMS_MAX / (qscales.len() * methods.len() + 1),
         };
         let mut found = measuring.measure(&mut work)?;
         figures::compare_with_baselines(&mut found.runs);
 
         // Collect the figures, and the last frame of the reference.
         let of_all = references.of_all()?;
+        let reference = coded::finest_stream(of_all, measuring.stream_max)?;
         let last = of_all.frames()?.last().ok_or_else(|| missing("no frames"))??;
         let outcome = Outcome {
             schema: 1,
@@ -156,7 +161,7 @@ impl Sweep {
             wall_seconds: begin.elapsed().as_secs_f64(),
         };
         let truth = perceptual::to_rgb8(&last.picture);
-        Ok(Swept { outcome, pictures: found.pictures, clip: found.clip, truth })
+        Ok(Swept { outcome, pictures: found.pictures, streams: found.streams, reference, truth })
     }
 
     /// Returns the quantisers in ascending order without duplicates.
@@ -208,6 +213,8 @@ struct Measuring<'a> {
     methods: &'a [&'static Method],
     /// Reference films, which are compared with the films of every method.
     references: &'a ReferenceFilms,
+    /// Maximum length of the stream of each run in the page \[bytes\].
+    stream_max: usize,
 }
 
 /// Results of all films.
@@ -216,8 +223,8 @@ struct Findings {
     runs: Vec<MethodRun>,
     /// Pictures of each run's last frame.
     pictures: Vec<RunPictures>,
+    streams: Vec<PageStream>,
     decoder_check: Option<DecoderCheck>,
-    clip: Option<(usize, Vec<Plane<[u8; 3]>>)>,
     /// True if the work ended early, so that films are missing.
     interrupted: bool,
 }
@@ -258,20 +265,15 @@ impl Measuring<'_> {
             }
             let film = kept.as_ref().ok_or_else(|| missing("rendered above"))?;
 
-            // Keep the pictures of one film for the clip, and check one film with another decoder.
-            let is_watched = self.watched() == Some(index) && qscale == middle;
+            // Check one film with another decoder.
             let is_checked = qscale == middle && findings.decoder_check.is_none();
-            let wanted = Wanted {
-                clip: if is_watched { CLIP_FRAMES } else { 0 },
-                check_below: is_checked.then_some(self.workshop.folder),
-            };
+            let wanted =
+                Wanted { stream_max: self.stream_max, check_below: is_checked.then_some(self.workshop.folder) };
             let found: Measured = measured(method, qscale, film, truth, &wanted)?;
-            if is_watched {
-                findings.clip = Some((findings.runs.len(), found.clip));
-            }
             findings.decoder_check = findings.decoder_check.take().or(found.check);
             findings.runs.push(found.run);
             findings.pictures.push(found.pictures);
+            findings.streams.push(found.stream);
         }
         Ok(())
     }
@@ -284,12 +286,6 @@ impl Measuring<'_> {
         let doing = format!("{} at {qscale}", figures::label(method, &settings));
         let step = work.begin(doing, method.weight());
         film::by_method(method, workshop, settings, references.truth_of(method)?, step)
-    }
-
-    /// Returns the index of the method shown as a clip: the last method that renders films, preferably with the cache.
-    fn watched(&self) -> Option<usize> {
-        let cached = self.methods.iter().rposition(|method| method.is_film() && method.cache);
-        cached.or(self.methods.iter().rposition(|method| method.is_film()))
     }
 }
 

@@ -1,21 +1,24 @@
 //! HTML page of a sweep.
 
 use super::data::csv_of;
-use super::figures::{MethodRun, RunPictures};
+use super::figures::{MethodRun, Outcome, RunPictures};
 use super::maps::MapPicture;
+use super::method::DEFAULT_METHOD;
 use super::plots::Plot;
 use super::table::{HEADINGS, cells};
 use super::{Swept, maps};
 use crate::compare::png_file;
-use crate::page::{CUT_SIZE, THRESHOLD, data_uri, download, gradient, render_template};
+use crate::page::{CUT_SIZE, PageStream, Playback, THRESHOLD, data_uri, download, gradient, player, render_template};
 use minijinja::{Value, context};
 use plane::Plane;
 use render2mpeg::error::Result;
 
-/// Rate of the clip \[pictures per second\], lower than the films' rates because films of a sweep are short.
-const CLIP_FPS: f64 = 6.0;
+/// Rate of the films \[pictures per second\], lower than their own rate because films of a sweep are short.
+const RATE: f64 = 6.0;
+/// Columns of table 1 in the table of one method.
+const ANSWER: [usize; 6] = [0, 11, 8, 12, 13, 14];
 
-/// Returns the page: `plots` in order, tables, maps, pictures for side-by-side comparison, and a clip.
+/// Returns the page: the figures of one method, a player that compares two films, and `plots`, tables and maps.
 ///
 /// # Errors
 /// If the page cannot be rendered, which is a bug.
@@ -54,9 +57,10 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
 
     // Collect the pictures.
     let choices = choices(swept);
-    let clip = clip(swept);
-    // Select the reference and the run of the clip for the initial comparison.
-    let chosen = middle(&shown(swept)).map_or(0, |place| place + 1);
+    // Compare the reference with the main method at the middle quantiser.
+    let chosen = middle(swept, &choices);
+    let answer = main_method(outcome);
+    let answer_rows = outcome.runs.iter().filter(|run| Some(run.method) == answer.map(|run| run.method));
     render_template(
         "sweep.html",
         context! {
@@ -67,19 +71,22 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
             spread => format!("{:.0}", 100.0 * outcome.timing_spread()),
             headings => HEADINGS,
             check => outcome.decoder_check.as_ref().map(|check| context! {
+                decoder => check.decoder,
                 frames => check.frames,
                 largest => check.largest_difference,
                 equal => format!("{:.2}", 100.0 * check.equal_share),
             }),
-            pictures => json(&choices.iter().map(|(label, uri)| [label, uri]).collect::<Vec<_>>())?,
-            choices => choices.iter().map(|(label, _)| label.clone()).collect::<Vec<_>>(),
+            answer => answer.map(|run| run.label.clone()),
+            is_default => answer.is_some_and(|run| run.method == DEFAULT_METHOD),
+            answer_headings => ANSWER.map(|column| HEADINGS[column]),
+            answer_rows => answer_rows.map(|run| ANSWER.map(|column| cells(run, outcome.lights)[column].clone()).to_vec()).collect::<Vec<_>>(),
+            choices => choices.iter().map(|choice| choice.label.clone()).collect::<Vec<_>>(),
             chosen,
-            first_pictures => [0, chosen].map(|i| choices[i].1.clone()),
+            player => film_player(&choices)?,
+            rate => RATE as u32,
+            poster => uri(&swept.truth),
             width => settings.render.size.width,
             height => settings.render.size.height,
-            clip_label => clip.as_ref().map(|(label, _)| label.clone()),
-            clip => clip.as_ref().map(|(_, uri)| uri.clone()),
-            clip_fps => CLIP_FPS,
             map_blocks => map_blocks(swept),
             gradient => gradient(),
             scales => [THRESHOLD, CUT_SIZE, maps::ERROR].map(|scale| context! {
@@ -93,46 +100,60 @@ pub fn page(swept: &Swept, plots: &[Plot]) -> Result<String> {
     )
 }
 
-/// Formats JSON for embedding in a script.
-fn json(value: &impl serde::Serialize) -> Result<String> {
-    Ok(serde_json::to_string(value)?.replace('<', "\\u003c"))
-}
-
 fn uri(picture: &Plane<[u8; 3]>) -> String {
     data_uri("image/png", &png_file::encode(picture))
 }
 
-/// Returns the lightcut runs with their pictures. If any method has a cache, only methods with cache are included.
-fn shown(swept: &Swept) -> Vec<(&MethodRun, &RunPictures)> {
-    let runs = swept.outcome.runs.iter().zip(&swept.pictures).filter(|(run, _)| run.lightcuts);
-    let runs: Vec<(&MethodRun, &RunPictures)> = runs.collect();
-    let cached: Vec<_> = runs.iter().copied().filter(|(run, _)| run.cache).collect();
-    let mut shown = if cached.is_empty() { runs } else { cached };
-    shown.sort_by_key(|(run, _)| run.qscale);
-    shown
+/// Film that the player can show.
+struct FilmChoice<'a> {
+    label: String,
+    stream: &'a PageStream,
+    /// Run of the film; `None` for the reference.
+    run: Option<&'a MethodRun>,
 }
 
-/// Returns label and data URI of each picture for side-by-side comparison.
-fn choices(swept: &Swept) -> Vec<(String, String)> {
-    let mut choices = vec![("reference, uncompressed".to_owned(), uri(&swept.truth))];
-    for (run, pictures) in shown(swept) {
-        choices.push((format!("quantiser {}: {}", run.qscale, run.label), uri(&pictures.decoded)));
+/// Returns the films of lightcut runs, after the reference. If any method has a cache, only methods with cache are
+/// included.
+fn choices(swept: &Swept) -> Vec<FilmChoice<'_>> {
+    let label = "reference, quantiser 1".to_owned();
+    let mut choices = vec![FilmChoice { label, stream: &swept.reference, run: None }];
+    let has_cache = swept.outcome.runs.iter().any(|run| run.lightcuts && run.cache);
+    for (run, stream) in swept.outcome.runs.iter().zip(&swept.streams) {
+        if run.lightcuts && run.cache == has_cache {
+            let label = format!("quantiser {}: {}", run.qscale, run.label);
+            choices.push(FilmChoice { label, stream, run: Some(run) });
+        }
     }
+    // Omit films whose first group of pictures exceeds the limit.
+    choices.retain(|choice| choice.stream.positions().is_some());
+    choices.sort_by_key(|choice| choice.run.map(|run| run.qscale));
     choices
 }
 
-/// Returns the index of the last run at the middle quantiser.
-fn middle(shown: &[(&MethodRun, &RunPictures)]) -> Option<usize> {
-    let qscale = shown.get(shown.len() / 2)?.0.qscale;
-    shown.iter().rposition(|(run, _)| run.qscale == qscale)
+/// Returns the data of the player; `None` without films.
+fn film_player(choices: &[FilmChoice<'_>]) -> Result<Option<Value>> {
+    let streams: Vec<&PageStream> = choices.iter().map(|choice| choice.stream).collect();
+    let Some(shown) = streams.first().and_then(|stream| stream.positions()) else { return Ok(None) };
+    let playback = Playback { rate: RATE, first: 0, repeats: 1, start: *shown.end(), plays: false };
+    player(&streams, playback).map(Some)
 }
 
-/// Returns the label and the data URI of the clip of decoded pictures.
-fn clip(swept: &Swept) -> Option<(String, String)> {
-    let (place, pictures) = swept.clip.as_ref()?;
-    let run = &swept.outcome.runs[*place];
-    let film = png_file::animation(pictures, CLIP_FPS);
-    Some((format!("{} at quantiser {}", run.label, run.qscale), data_uri("image/png", &film)))
+/// Returns the last run of the default method, or else of the last method with lightcuts, preferably with cache.
+fn main_method(outcome: &Outcome) -> Option<&MethodRun> {
+    let runs = || outcome.runs.iter().rev().filter(|run| run.lightcuts);
+    runs().find(|run| run.method == DEFAULT_METHOD).or(runs().find(|run| run.cache)).or(runs().next())
+}
+
+/// Returns the index of the film of the main method at the middle quantiser.
+fn middle(swept: &Swept, choices: &[FilmChoice<'_>]) -> usize {
+    let main = main_method(&swept.outcome).map(|run| run.method);
+    let mut places = Vec::new();
+    for (place, choice) in choices.iter().enumerate() {
+        if choice.run.is_some_and(|run| Some(run.method) == main) {
+            places.push(place);
+        }
+    }
+    places.get(places.len() / 2).copied().unwrap_or(0)
 }
 
 /// Returns the maps of each steered method, with one column per quantiser. Methods without cache are preferred, because

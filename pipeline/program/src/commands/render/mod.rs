@@ -48,7 +48,7 @@ pub(crate) struct RenderArguments {
     /// JSON report [default: the video's path with .report.json]
     #[arg(long, value_name = "FILE", help_heading = "Output", hide_short_help = true)]
     report: Option<PathBuf>,
-    /// Also write an HTML page: frames, maps, and plots of the time, bits, PSNR and cut size of each frame
+    /// Also write an HTML page: the film with a player, maps, and plots of the time, bits, PSNR and cut size of each frame
     #[arg(long, value_name = "FILE.html", help_heading = "Output", hide_short_help = true)]
     html: Option<PathBuf>,
     /// Also code the finished film again with ffmpeg: .mp4 (H.264) or .webm (AV1 or VP9) for players and browsers,

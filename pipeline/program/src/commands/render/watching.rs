@@ -8,7 +8,7 @@ use perceptual::YCbCr;
 use pipeline::observe::{Observer, OnFrame};
 use pipeline::output::Output;
 use pipeline::report::FrameReport;
-use pipeline::stage::Shaded;
+use pipeline::stage::{CodedUnit, Shaded};
 use plane::{Picture, Plane};
 use render_core::scene::Scene;
 use render2mpeg::Options;
@@ -50,6 +50,10 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
 
     fn decoded(&self, index: u32, picture: &Picture) {
         self.page.iter().for_each(|page| page.decoded(index, picture));
+    }
+
+    fn coded(&self, unit: &CodedUnit) {
+        self.page.iter().for_each(|page| page.coded(unit));
     }
 }
 
