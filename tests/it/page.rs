@@ -145,6 +145,18 @@ fn it_changes_neither_the_film_nor_its_frames() {
     }
 }
 
+/// The page of a resumed film plays the whole film.
+#[test]
+fn a_resumed_film_is_played_from_its_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    film(folder, Moving::Box, "--frames 3 --keep-checkpoint --checkpoint 0");
+    let (film, html) = film(folder, Moving::Box, "--frames 5 --resume");
+    assert_eq!(film.report["frames"].as_array().unwrap().len(), 5);
+    assert_eq!(embedded(&html), film.stream[..film.stream.len() - 4]);
+    assert!(!html.contains("The player has frames"));
+}
+
 #[test]
 fn what_never_changes_has_no_plot() {
     let folder = tempfile::tempdir().unwrap();

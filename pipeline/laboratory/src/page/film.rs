@@ -1,18 +1,21 @@
 //! Pictures and maps for a film's page, collected while the film is made, in bounded memory.
 
+use super::film_file::coded_pictures;
 use super::frame_maps::FrameMaps;
 use super::map::ImportanceSum;
 use super::pictures::{factor, jpeg, mean_color, shrunk};
 use super::stream::{PageStream, Playback, player};
 use super::svg::Svg;
 use minijinja::{Value, context};
+use mpeg2enc::AccessUnit;
 use perceptual::{ColorMatrix, to_rgb8_by};
 use pipeline::observe::Observer;
 use pipeline::stage::{CodedUnit, Shaded};
 use plane::{Picture, Plane};
 use render2mpeg::error::Result;
 use render2mpeg::settings::{CodedRate, Settings};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Maximum length of the embedded stream \[bytes\]. Browsers open pages of this size within a few seconds.
@@ -91,27 +94,46 @@ impl FilmWatch {
         player(&[&held.stream], playback).map(Some)
     }
 
+    /// Reads the frames that were not observed, as in a resumed film, from the film's file. MP4 and Matroska are not read.
+    pub(super) fn add_earlier_frames(&self, film: &Path) {
+        let mut held = self.held();
+        if self.shown(&held.stream).is_some_and(|shown| *shown.start() == self.frames.start) {
+            return;
+        }
+        let Some(pictures) = coded_pictures(film, STREAM_MAX) else { return };
+        let first = u64::from(self.frames.start) * u64::from(self.rate.1);
+        held.stream = PageStream::new(STREAM_MAX);
+        for AccessUnit { data: bytes, display_index, picture_type } in pictures {
+            held.stream.push(&CodedUnit { position: first + display_index, picture_type, bytes });
+        }
+    }
+
+    /// Returns whether the player shows a frame.
+    pub(super) fn plays(&self, index: u32) -> bool {
+        self.shown(&self.held().stream).is_some_and(|shown| shown.contains(&index))
+    }
+
     /// Returns the frames of a stream.
-    fn shown(&self, stream: &PageStream) -> Option<std::ops::RangeInclusive<u32>> {
+    fn shown(&self, stream: &PageStream) -> Option<RangeInclusive<u32>> {
         let frame = |position: u64| u32::try_from(position / u64::from(self.rate.1)).unwrap_or(u32::MAX);
         stream.positions().map(|range| frame(*range.start())..=frame(*range.end()))
     }
 
     /// Describes the frames that the player does not show, if any.
     pub(super) fn omitted(&self) -> Option<String> {
-        let stream = &self.held().stream;
-        let limit = format!("pages contain at most {} MiB of the film", STREAM_MAX >> 20);
-        let Some(shown) = self.shown(stream) else {
-            return stream.is_cut().then(|| format!("No frame is played: {limit}."));
+        let held = self.held();
+        let shown = self.shown(&held.stream);
+        let frames = match &shown {
+            Some(shown) => format!("The player has frames {} to {}", shown.start(), shown.end()),
+            None => "The player has no frames".into(),
         };
-        let (first, last) = (shown.start(), shown.end());
-        let frames = format!("The player has frames {first} to {last}");
-        if stream.is_cut() {
-            return Some(format!("{frames}: {limit}."));
-        }
         // A resumed film is observed from its first new frame on.
-        (*first > self.frames.start)
-            .then(|| format!("{frames}: the film was resumed, and earlier frames were not recorded."))
+        let is_resumed = shown.map_or(held.middle.is_some(), |shown| *shown.start() > self.frames.start);
+        if held.stream.is_cut() {
+            Some(format!("{frames}: pages contain at most {} MiB of a film.", STREAM_MAX >> 20))
+        } else {
+            is_resumed.then(|| format!("{frames}: the film was resumed, and its format is not read."))
+        }
     }
 
     /// Returns the maps, and the index of the frame they show.
@@ -199,6 +221,6 @@ mod tests {
         assert!(resumed.omitted().expect("a line").contains("frames 4 to 4: the film was resumed"));
         let huge = watch(10, 24.0);
         push(&huge, 0, STREAM_MAX + 1);
-        assert!(huge.player().unwrap().is_none() && huge.omitted().expect("a line").contains("No frame"));
+        assert!(huge.player().unwrap().is_none() && huge.omitted().expect("a line").contains("no frames: pages"));
     }
 }

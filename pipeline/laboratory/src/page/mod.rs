@@ -15,6 +15,7 @@ mod map;
 mod pictures; // pictures as data URIs
 mod scale; // colors of values
 
+mod film_file; // coded pictures of a file
 mod stream; // embedded films
 
 mod film; // data of a film's page

@@ -26,6 +26,7 @@ pub struct Made {
 /// # Errors
 /// If the page cannot be rendered, which is a bug.
 pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String> {
+    film.add_earlier_frames(&report.settings.output);
     // Hide the machine's folders.
     let report = &without_folders(report);
     let stem = report.scene.file.file_stem().map_or("film".into(), |stem| stem.to_string_lossy().into_owned());
@@ -64,6 +65,7 @@ pub fn run_page(report: &Report, film: &FilmWatch, made: &Made) -> Result<String
             warnings => report.scene.warnings.clone(),
             csv => download(&format!("{stem}-frames.csv"), "text/csv", csv_of(&report.frames)?.as_bytes()),
             json => download(&format!("{stem}-report.json"), "application/json", &serde_json::to_vec(report)?),
+            map_is_played => map_frame.is_some_and(|index| film.plays(index)),
             plots, map_frame, maps,
         },
     )
