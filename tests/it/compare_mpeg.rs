@@ -139,10 +139,16 @@ fn incomplete_videos_have_no_figures() {
         ("header.m2v", film[..last + 12].to_vec(), &["the last picture has no data", "truncated"]),
         ("lost.ts", [&packets[..lost], &packets[lost + 188..]].concat(), &["a packet is missing before byte"]),
         ("sizes.m2v", [&film[..], &small].concat(), &["frame 6 has 48x48 pixels, but frame 0 has 64x48"]),
-        ("noise.mpg", vec![0x55; 5000], &["no MPEG-1 or MPEG-2 video", "name a film"]),
-        ("sound.mpg", fs::read(folder.join("sound.mpg")).unwrap(), &["no MPEG-1 or MPEG-2 video", "name a film"]),
+        ("noise.mpg", vec![0x55; 5000], &["no video in this file", "name a film"]),
+        ("sound.mpg", fs::read(folder.join("sound.mpg")).unwrap(), &["no video in this file", "name a film"]),
     ] {
         fs::write(folder.join(name), bytes).unwrap();
         assert_fails(folder, &["compare", name, "reference.y4m", "--json"], &[&[name], words].concat());
     }
+
+    // Without ffmpeg, other codecs cannot be decoded.
+    let mut alone = Command::new(program());
+    alone.args(["compare", "sound.mpg", "reference.y4m"]).current_dir(folder).env("PATH", "");
+    let messages = String::from_utf8(alone.output().expect("render2mpeg starts").stderr).unwrap();
+    assert!(messages.lines().count() == 1 && messages.contains("install ffmpeg for other codecs"), "{messages}");
 }

@@ -51,7 +51,7 @@ impl Pictures {
                     FrameSource::Y4m(Box::new(y4m_decoder(path, Box::new(BufReader::new(file)))?))
                 }
                 video if MPEG_ENDINGS.contains(&video) => mpeg(path)?,
-                video if FFMPEG_ENDINGS.contains(&video) => ffmpeg(path, Stdio::inherit())?,
+                video if FFMPEG_ENDINGS.contains(&video) => ffmpeg(path)?,
                 _ => {
                     let endings = MPEG_ENDINGS.iter().chain(&FFMPEG_ENDINGS);
                     let videos = endings.map(|ending| format!(".{ending}")).collect::<Vec<_>>().join(", ");
@@ -70,7 +70,7 @@ impl Pictures {
     /// # Errors
     /// If ffmpeg is not installed or finds no video.
     pub(crate) fn by_ffmpeg(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_owned(), source: ffmpeg(path, Stdio::inherit())? })
+        Ok(Self { path: path.to_owned(), source: ffmpeg(path)? })
     }
 }
 
@@ -196,18 +196,28 @@ fn next_frame(path: &Path, decoder: &mut y4m::Decoder<Box<dyn Read>>, matrix: Co
 
 /// Opens an MPEG-1 or MPEG-2 video. Streams of other codecs in the same containers are decoded by ffmpeg.
 fn mpeg(path: &Path) -> Result<FrameSource> {
-    match MpegPictures::open(path)? {
-        Some(pictures) => Ok(FrameSource::Mpeg(Box::new(pictures))),
-        None => ffmpeg(path, Stdio::null()).map_err(|_| {
-            let problem = ": no MPEG-1 or MPEG-2 video in this file, and ffmpeg decodes no other video; name a film";
-            Error::content(path, problem)
-        }),
+    if let Some(pictures) = MpegPictures::open(path)? {
+        return Ok(FrameSource::Mpeg(Box::new(pictures)));
     }
+    let Ok(child) = start_ffmpeg(path, Stdio::null()) else {
+        let problem = ": no MPEG-1 or MPEG-2 video in this file; install ffmpeg for other codecs";
+        return Err(Error::content(path, problem));
+    };
+    pictures_of(path, child).ok_or_else(|| Error::content(path, ": no video in this file; name a film"))
+}
+
+/// Opens a video with ffmpeg, whose messages go to standard error.
+fn ffmpeg(path: &Path) -> Result<FrameSource> {
+    let child = start_ffmpeg(path, Stdio::inherit()).map_err(|error| {
+        let problem = format!(": cannot start ffmpeg to decode it ({error}); install ffmpeg, or compare .y4m videos");
+        Error::content(path, problem)
+    })?;
+    pictures_of(path, child).ok_or_else(|| Error::content(path, ": ffmpeg finds no video in it"))
 }
 
 /// Starts ffmpeg as the decoder, with `messages` as its standard error.
-fn ffmpeg(path: &Path, messages: Stdio) -> Result<FrameSource> {
-    let mut child = Command::new("ffmpeg")
+fn start_ffmpeg(path: &Path, messages: Stdio) -> std::io::Result<Child> {
+    Command::new("ffmpeg")
         .args(["-nostdin", "-v", "error", "-i"])
         .arg(path)
         // Convert to BT.709, because films that do not signal a matrix use BT.601.
@@ -217,19 +227,17 @@ fn ffmpeg(path: &Path, messages: Stdio) -> Result<FrameSource> {
         .stdout(Stdio::piped())
         .stderr(messages)
         .spawn()
-        .map_err(|error| {
-            let problem =
-                format!(": cannot start ffmpeg to decode it ({error}); install ffmpeg, or compare .y4m videos");
-            Error::content(path, problem)
-        })?;
+}
+
+/// Returns the pictures that ffmpeg decodes; `None` if it finds no video.
+fn pictures_of(path: &Path, mut child: Child) -> Option<FrameSource> {
     let output = child.stdout.take().expect("it was requested");
-    let decoder = y4m_decoder(path, Box::new(BufReader::new(output)));
-    match decoder {
-        Ok(decoder) => Ok(FrameSource::Ffmpeg(Box::new(decoder), child)),
+    match y4m_decoder(path, Box::new(BufReader::new(output))) {
+        Ok(decoder) => Some(FrameSource::Ffmpeg(Box::new(decoder), child)),
         Err(_) => {
             // Collect the exit status, so that no zombie process remains.
             let _ = child.wait();
-            Err(Error::content(path, ": ffmpeg finds no video in it"))
+            None
         }
     }
 }
