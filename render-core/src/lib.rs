@@ -44,7 +44,7 @@ pub use gbuffer::{
 };
 pub use light::{
     AreaLight, AreaSample, DirectLights, DomeLight, DynamicLights, EMISSION_DIMENSIONS, EmittedPhoton, Emitters, Lamps,
-    PhotonSource, PointLight, ShadingPoint, Source, SunLight, Traced, dome_lights,
+    LightPoints, PhotonSource, PointLight, ShadingPoint, Source, SunLight, Traced, dome_lights,
 };
 pub use media::Media;
 pub use path::{PathEstimate, PathOptions, PathTracer, PixelSampling, Still, path_traced};

@@ -5,6 +5,7 @@
 //! traced together.
 
 use super::emitters::Emitters;
+use super::points::LightPoints;
 use super::receiver::{Disc, ShadingPoint};
 use super::sampled::{Lamps, Sampled, Source, Traced};
 use super::tile::ReceiverTile;
@@ -88,13 +89,23 @@ impl DirectLights {
     /// Returns the irradiance at each of the `receivers` \[W·m⁻²\], bit-identical to [`DirectLights::irradiance`].
     /// Processing is faster if the receivers are close together.
     pub fn irradiance_tile(&self, accelerator: &Accelerator, receivers: &[ShadingPoint]) -> Traced<Vec<Vec3>> {
+        self.irradiance_by(LightPoints::All, accelerator, receivers)
+    }
+
+    /// Returns the irradiance at each of the `receivers` \[W·m⁻²\], by the given sample `points` of each light.
+    pub fn irradiance_by(
+        &self,
+        points: LightPoints,
+        accelerator: &Accelerator,
+        receivers: &[ShadingPoint],
+    ) -> Traced<Vec<Vec3>> {
         // Process receivers in packets: the shadow rays to a packet are traced together.
         let mut sums = vec![Vec3::ZERO; receivers.len()];
         let mut shadow_rays = 0;
         let shadows = Shadows::new(accelerator);
         for (receivers, sums) in receivers.chunks(PACKET).zip(sums.chunks_mut(PACKET)) {
             // Process dynamic anchors last: anchors that are faint compared with the other lights need no shadow rays.
-            let tile = ReceiverTile::new(&shadows, receivers);
+            let tile = ReceiverTile::new(&shadows, receivers, points);
             for light in &self.lights {
                 light.add_to(&tile, sums);
             }

@@ -1,5 +1,6 @@
 //! Tiles of receivers: shadow rays from a light sample to all receivers of a tile are traced together.
 
+use super::points::LightPoints;
 use super::receiver::{Disc, ShadingPoint, disc_term};
 use crate::accel::{Accelerator, PACKET, Shadows, Shaft};
 use glam::{Vec3, Vec3A};
@@ -38,6 +39,8 @@ impl Hidden {
 pub(super) struct ReceiverTile<'a> {
     shadows: &'a Shadows<'a>,
     receivers: &'a [ShadingPoint],
+    /// Sample points that each light may use.
+    pub points: LightPoints,
     positions: [Vec3A; PACKET],
     /// Positions and both normals of the receivers, by axis.
     columns: [[[f32; PACKET]; 3]; 3],
@@ -46,7 +49,7 @@ pub(super) struct ReceiverTile<'a> {
 }
 
 impl<'a> ReceiverTile<'a> {
-    pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint]) -> Self {
+    pub(super) fn new(shadows: &'a Shadows<'a>, receivers: &'a [ShadingPoint], points: LightPoints) -> Self {
         // Store coordinates by axis, so that the terms of a disc vectorize over receivers. Unused slots repeat the last
         // receiver.
         let mut columns = [[[0.0; PACKET]; 3]; 3];
@@ -57,7 +60,7 @@ impl<'a> ReceiverTile<'a> {
             }
         }
         let positions = std::array::from_fn(|i| receivers.get(i).map_or(Vec3A::ZERO, |receiver| receiver.position));
-        Self { shadows, receivers, positions, columns, rays: Cell::new(0) }
+        Self { shadows, receivers, points, positions, columns, rays: Cell::new(0) }
     }
 
     /// Returns the receivers, at most [`PACKET`].

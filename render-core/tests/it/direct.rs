@@ -5,7 +5,10 @@ use crate::common::{add, material, quad, rest, room};
 use glam::{Quat, Vec3, Vec3A, vec3};
 use render_core::sampling::hash_unit;
 use render_core::scene::{Channel, Interpolation, Node, PunctualKind, PunctualLight, Scene, Track, Transform};
-use render_core::{Accelerator, Anchors, DirectLights, Emitters, Geometry, ShadingPoint, Surfaces, Units, luminance};
+use render_core::{
+    Accelerator, Anchors, AreaSample, DirectLights, Emitters, Geometry, LightPoints, ShadingPoint, Surfaces, Units,
+    luminance,
+};
 
 /// Builds a closed room with a panel under its ceiling, a box-shaped screen, and a small moving plate with anchors.
 fn scene() -> Scene {
@@ -100,43 +103,68 @@ fn penumbras_agree_with_a_thousand_points() {
     lit.direct = DirectLights::new(&lit.emitters, &surfaces, &Anchors::default(), &[], &[0]);
     let samples = lit.emitters.areas[0].samples(&surfaces, 1024);
     let receivers = receivers(&lit, 3000);
-    let found = lit.direct.irradiance_tile(&lit.accelerator, &receivers).value;
-    let (mut squares, mut sum, mut partial, mut worst) = (0.0, 0.0, 0, 0.0f32);
-    let mean = found.iter().map(|&e| luminance(e)).sum::<f32>() / found.len() as f32;
-    for (receiver, &e) in receivers.iter().zip(&found) {
-        let (mut expected, mut all) = (Vec3::ZERO, Vec3::ZERO);
-        for sample in &samples {
-            let way = sample.position - receiver.position;
-            let (r2, cos_light, cos) = (way.length_squared(), -sample.normal.dot(way), receiver.normal.dot(way));
-            if cos_light <= 0.0 || cos <= 0.0 {
-                continue;
-            }
-            let given = sample.intensity * (cos_light * cos / (r2 * r2));
-            all += given;
-            if !lit.accelerator.occluded(receiver.position, sample.position) {
-                expected += given;
-            }
-        }
-        let (e, expected, all) = (luminance(e), luminance(expected), luminance(all));
-        partial += usize::from(expected > 0.02 * all && expected < 0.98 * all);
-        // Within 10 cm of the panel, a thousand points are too few as a reference.
-        if samples.iter().any(|sample| sample.position.distance(receiver.position) < 0.1) {
+    let expected: Vec<Option<Expected>> =
+        receivers.iter().map(|receiver| of_points(&lit.accelerator, &samples, receiver)).collect();
+    let partial = expected.iter().flatten().filter(|expected| expected.is_partial).count();
+    assert!(partial > 100, "only {partial} receivers lie in penumbra: too few for a test");
+
+    // All points, then the mean of their quarters, which have twice the noise in penumbras.
+    let by = |points| lit.direct.irradiance_by(points, &lit.accelerator, &receivers);
+    let all = by(LightPoints::All);
+    let quarters: Vec<_> = (0..4).map(|number| by(LightPoints::Quarter(number))).collect();
+    assert!(quarters.iter().all(|quarter| quarter.shadow_rays < all.shadow_rays));
+    assert_eq!(by(LightPoints::Quarter(5)), quarters[1]);
+    let mean = |k: usize| quarters.iter().map(|quarter| quarter.value[k]).sum::<Vec3>() / 4.0;
+    assert_near(&all.value, &expected, [0.015, 0.002, 0.1]);
+    assert_near(&(0..receivers.len()).map(mean).collect::<Vec<_>>(), &expected, [0.015, 0.002, 0.1]);
+    for quarter in &quarters {
+        assert_near(&quarter.value, &expected, [0.015, 0.005, 0.25]);
+    }
+}
+
+/// Irradiance of a receiver by very many points.
+struct Expected {
+    luminance: f32,
+    /// Whether the receiver is in a penumbra.
+    is_partial: bool,
+}
+
+/// Returns the irradiance by all `samples`; `None` within 10 cm of the light, where they are too few for a reference.
+fn of_points(accelerator: &Accelerator, samples: &[AreaSample], receiver: &ShadingPoint) -> Option<Expected> {
+    let (mut expected, mut all) = (Vec3::ZERO, Vec3::ZERO);
+    for sample in samples {
+        let way = sample.position - receiver.position;
+        let (r2, cos_light, cos) = (way.length_squared(), -sample.normal.dot(way), receiver.normal.dot(way));
+        if cos_light <= 0.0 || cos <= 0.0 {
             continue;
         }
-        squares += (e - expected).powi(2);
-        sum += e - expected;
-        worst = worst.max((e - expected).abs());
+        let given = sample.intensity * (cos_light * cos / (r2 * r2));
+        all += given;
+        if !accelerator.occluded(receiver.position, sample.position) {
+            expected += given;
+        }
     }
-    assert!(partial > 100, "only {partial} receivers lie in penumbra: too few for a test");
+    let (luminance, all) = (luminance(expected), luminance(all));
+    let is_far = samples.iter().all(|sample| sample.position.distance(receiver.position) >= 0.1);
+    is_far.then_some(Expected { luminance, is_partial: luminance > 0.02 * all && luminance < 0.98 * all })
+}
+
+/// Checks root mean square, mean and maximum of the differences, each at most a fraction of the mean irradiance.
+fn assert_near(found: &[Vec3], expected: &[Option<Expected>], [most_rms, most_bias, most]: [f32; 3]) {
+    let mean = found.iter().map(|&e| luminance(e)).sum::<f32>() / found.len() as f32;
+    let (mut squares, mut sum, mut worst) = (0.0, 0.0, 0.0f32);
+    for (&e, expected) in found.iter().zip(expected) {
+        let Some(expected) = expected else { continue };
+        let apart = luminance(e) - expected.luminance;
+        squares += apart.powi(2);
+        sum += apart;
+        worst = worst.max(apart.abs());
+    }
     let count = found.len() as f32;
-    println!(
-        "rms {}, bias {}, worst {worst}, of a mean of {mean}",
-        (squares / count).sqrt() / mean,
-        sum / count / mean
-    );
-    assert!((squares / count).sqrt() < 0.015 * mean);
-    assert!((sum / count).abs() < 0.002 * mean);
-    assert!(worst < 0.1 * mean, "{worst} at the worst, of {mean} on the average");
+    let (rms, bias) = ((squares / count).sqrt() / mean, sum / count / mean);
+    println!("rms {rms}, bias {bias}, worst {worst}, of a mean of {mean}");
+    assert!(rms < most_rms && bias.abs() < most_bias, "rms {rms}, bias {bias}");
+    assert!(worst < most * mean, "{worst} at the worst, of {mean} on the average");
 }
 
 /// A panel juts out of a wall right above the receiver and fills the upper half of the receiver's view. The irradiance

@@ -82,7 +82,7 @@ fn macroblock(
     reflects.sort_by_key(|(place, _)| (place / width / SQUARE, place % width / SQUARE));
     let frame = visible.frame;
     let receivers: Vec<ShadingPoint> = reflects.iter().map(|(_, pixel)| receiver(pixel, frame.epsilon)).collect();
-    let arriving = frame.direct.irradiance_tile(&frame.accelerator, &receivers);
+    let arriving = frame.direct.irradiance_by(visible.points, &frame.accelerator, &receivers);
     for ((place, _), arriving) in reflects.into_iter().zip(arriving.value) {
         light[place] = arriving.to_array();
     }

@@ -2,9 +2,10 @@
 
 use super::Shading;
 use super::fine::{CodeCurve, FinePixels, FirstSample, rough_pixels};
+use super::layer::Visible;
 use super::samples::{Common, SampleSurfaces, SamplesLight};
 use crate::frame::PreparedFrame;
-use render_core::{GBuffer, PosedScene};
+use render_core::{GBuffer, LightPoints, PosedScene};
 
 impl Shading<'_> {
     /// Lights further samples of the pixels that need them. `centers` are the surfaces of the first sample.
@@ -30,7 +31,8 @@ impl Shading<'_> {
         while let Some((place, wanted)) = fine.next(width, height, &curve) {
             let own = lit.visibility.take(GBuffer::trace_wanted(place, scene, &seen.view, &wanted));
             let of_sample = self.surfaces_of(frame, Some(own));
-            let visible = of_sample.visible(prepared, fine.count(), common);
+            let points = LightPoints::Quarter(fine.count());
+            let visible = Visible { points, ..of_sample.visible(prepared, fine.count(), common) };
             let (light, cost) = self.layers.further_sample(&visible, &wanted, common.tolerance, &first);
             fine.add(&light, &wanted);
             lit.direct.add_counts(cost);

@@ -16,7 +16,7 @@ use plane::{Correspondence, Plane};
 use render_core::Timed;
 use render_core::cache::SharedRecord;
 use render_core::ranks::{Portable, Ranks};
-use render_core::{GBuffer, Hit, ShadingPoint, Surface};
+use render_core::{GBuffer, Hit, LightPoints, ShadingPoint, Surface};
 use std::f32::consts::PI;
 use std::fmt::Debug;
 use std::ops::AddAssign;
@@ -134,6 +134,8 @@ pub struct Visible<'a> {
     pub matte: &'a GBuffer,
     /// Number of the sample position within pixels, from 0. Thresholds and motion belong to sample 0.
     pub sample: usize,
+    /// Sample points of lamps for direct light.
+    pub points: LightPoints,
     /// Position of the sample among the region's samples, between [`RegionLayer::begin_regions`] and
     /// [`RegionLayer::end_regions`]; `None` if the whole frame is lit.
     pub part: Option<RegionSample>,
@@ -159,6 +161,7 @@ impl<'a> Visible<'a> {
             surfaces: &frame.seen,
             matte: &frame.seen,
             sample: 0,
+            points: LightPoints::All,
             part: None,
             motion: None,
             radiance,

@@ -12,7 +12,7 @@ use crate::frame::PreparedFrame;
 use glam::Vec3;
 use plane::Plane;
 use render_core::ranks::Ranks;
-use render_core::{Busy, Coverage, GBuffer, PixelSample, PosedScene};
+use render_core::{Busy, Coverage, GBuffer, LightPoints, PixelSample, PosedScene};
 
 /// Light of all samples of a frame before reconstruction, with times and counts.
 #[derive(Default)]
@@ -73,6 +73,7 @@ impl SampleSurfaces<'_> {
             surfaces,
             matte: self.below.as_ref().unwrap_or(surfaces),
             sample,
+            points: LightPoints::All,
             part: None,
             motion: prepared.correspondence.as_deref(),
             radiance: &self.emitted,

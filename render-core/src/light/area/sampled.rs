@@ -160,11 +160,13 @@ impl Sampled for SampledArea {
 
         // Trace corners and the first samples for all receivers. Trace the remaining samples only for receivers in a
         // penumbra, at which the votes disagree.
-        let (first, rest) = match (&shafts.opaque, &shafts.blended) {
+        let quarter = tile.points.quarter(&self.samples);
+        let (first, rest) = match (&shafts.opaque, &shafts.blended, quarter) {
             // If there is no occluder, one contributing sample is enough.
-            (Some(opaque), blended) if opaque.is_empty() && blended.as_ref().is_none_or(Shaft::is_empty) => {
+            (Some(opaque), blended, _) if opaque.is_empty() && blended.as_ref().is_none_or(Shaft::is_empty) => {
                 self.samples.split_at(1)
             }
+            (_, _, Some(quarter)) => (quarter, &[][..]),
             _ => {
                 trace_samples(&self.corners, tile.all());
                 self.samples.split_at(FIRST_SAMPLES.min(self.samples.len()))
@@ -179,7 +181,7 @@ impl Sampled for SampledArea {
         for i in bits(votes.lit) {
             sums[i] += if votes.dark >> i & 1 == 0 {
                 self.unhidden(&tile.receivers()[i])
-            } else if self.polygons.is_empty() {
+            } else if self.polygons.is_empty() && quarter.is_none() {
                 TileVotes::of(&votes.seen, i) * self.balance_at(&tile.receivers()[i])
             } else {
                 // A color missing in all samples is also missing in the light.

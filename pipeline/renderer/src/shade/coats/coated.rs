@@ -273,6 +273,13 @@ impl Points {
         Self { seed: (row as u64) << 32 | column as u64, piece: (y % Self::SIDE * Self::SIDE + x % Self::SIDE) as u32 }
     }
 
+    /// Returns the points of a further `sample` of a pixel.
+    pub fn of_sample(x: usize, y: usize, sample: usize) -> Self {
+        let Self { seed, piece } = Self::of_pixel(x, y);
+        // Rows of pixels leave the highest bits free.
+        Self { seed: seed ^ (sample as u64) << 56, piece }
+    }
+
     /// Returns the first `count` points; `count` is a power of two.
     pub fn first(self, count: u32) -> impl Iterator<Item = Vec2> {
         let seed = self.seed;

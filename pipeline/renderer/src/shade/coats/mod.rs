@@ -52,7 +52,7 @@ use plane::Plane;
 use ranks::portable;
 use reflections::{Brought, KnownIrradiance, Reflections, Typical};
 use render_core::ranks::Alone;
-use render_core::{Busy, GBuffer, Hit, PixelSurface, Surface, Surfaces};
+use render_core::{Busy, GBuffer, Hit, LightPoints, PixelSurface, Surface, Surfaces};
 pub(super) use reprojected::ReprojectedCoats;
 use std::sync::atomic::{AtomicU64, Ordering};
 #[cfg(feature = "bake")]
@@ -146,7 +146,7 @@ fn reflected(
 
     // Trace a few rays for each pixel.
     let own = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
-        let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
+        let mut reflections = Reflections { prepared: frame, scratch, points: visible.points, shadow_rays: 0, known };
         let mut lobes = Vec::with_capacity(columns.len() * rows.len());
         for (x, y) in places(columns, rows) {
             let lobe = lobe_of(x, y);
@@ -177,7 +177,7 @@ fn reflected(
     // Share rays between pixels, and trace more rays if too few pixels are similar.
     let traced = Traced { own, beyond };
     let reflected = busy.take(by_macroblock(ranks, width, height, Scratch::default, |scratch, columns, rows| {
-        let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known };
+        let mut reflections = Reflections { prepared: frame, scratch, points: visible.points, shadow_rays: 0, known };
         let mut pixels = Vec::with_capacity(columns.len() * rows.len());
         for (x, y) in places(columns, rows) {
             let is_lit = is_lit(x, y);
@@ -204,8 +204,12 @@ impl Traced {
             return Reflected { light: lobe.known, ..Reflected::default() };
         }
         let (mut brought, enough) = shared(&self.own, &self.beyond, x, y);
-        // Trace further rays of the pixel if similar neighbors have too few.
-        if !enough && let Some(coated) = coated(reflections, seen, x, y) {
+        // Trace further rays of the pixel if similar neighbors have too few. One of many samples needs few rays.
+        let is_alone = reflections.points == LightPoints::All;
+        if is_alone
+            && !enough
+            && let Some(coated) = coated(reflections, seen, x, y)
+        {
             let rough = usize::from(coated.is_rough());
             let points = Points::of_pixel(x, y).rest(OWN_RAYS[rough], RAYS[rough]);
             brought.add(1.0, &more_rays(reflections, &coated, points, RAYS[rough]));
@@ -224,16 +228,20 @@ fn coated(reflections: &Reflections, seen: &GBuffer, x: usize, y: usize) -> Opti
 
 /// Computes the light of a coat with the pixel's own rays.
 fn own_rays(reflections: &mut Reflections, coated: &Coated, x: usize, y: usize) -> Lobe {
-    let transmitted = reflections.transmitted(coated, Points::of_pixel(x, y));
+    let transmitted = reflections.transmitted(coated, reflections.points_of(x, y));
     let rays = coated.clearcoat_rays();
-    let clearcoat = reflections.clearcoat(coated, Points::of_pixel(x, y).first(rays), rays);
+    let clearcoat = reflections.clearcoat(coated, reflections.points_of(x, y).first(rays), rays);
     let known = reflections.sources(coated) + transmitted + clearcoat;
     // Trace a single ray for a mirror: its lobe is about as wide as a pixel.
     if coated.is_mirror() {
         return Lobe::without_rays(known + reflections.mirrored(coated));
     }
     let rough = usize::from(coated.is_rough());
-    let points = Points::of_pixel(x, y).first(OWN_RAYS[rough]);
+    let own = match reflections.points {
+        LightPoints::All => OWN_RAYS[rough],
+        LightPoints::Quarter(_) => RAYS[rough] / 4,
+    };
+    let points = reflections.points_of(x, y).first(own);
     let mut brought = Brought::default();
     reflections.lobe(coated, points, RAYS[rough]).for_each(|ray| brought.add(1.0, &ray));
     Lobe::new(coated, known, brought)

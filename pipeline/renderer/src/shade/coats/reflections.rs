@@ -1,12 +1,14 @@
 //! Reflection rays, which compute the radiance that arrives at a coat.
 
-use super::coated::Coated;
+use super::coated::{Coated, Points};
 use crate::frame::Frame;
 use crate::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use ranks::portable;
-use render_core::{Environment, Hit, LobeLight, Media, PosedScene, ShadingPoint, Surface, Traced, luminance};
+use render_core::{
+    Environment, Hit, LightPoints, LobeLight, Media, PosedScene, ShadingPoint, Surface, Traced, luminance,
+};
 use std::f32::consts::PI;
 
 /// Maximum number of coats through which a ray is followed.
@@ -33,6 +35,8 @@ const MOST_TYPICAL: f32 = 2.0;
 pub(super) struct Reflections<'a> {
     pub prepared: &'a Frame<'a>,
     pub scratch: &'a mut Scratch,
+    /// Sample points of lamps, which also determine the random points of reflection rays.
+    pub points: LightPoints,
     /// Number of traced shadow rays.
     pub shadow_rays: u64,
     /// Irradiance of surfaces, if it is known.
@@ -178,6 +182,14 @@ pub(super) struct Passed {
 pub(crate) type KnownIrradiance<'a> = &'a (dyn Fn(&Hit, &Surface) -> Option<Vec3> + Sync);
 
 impl Reflections<'_> {
+    /// Returns the random points of a pixel. Further samples of the pixel have other points.
+    pub fn points_of(&self, x: usize, y: usize) -> Points {
+        match self.points {
+            LightPoints::All => Points::of_pixel(x, y),
+            LightPoints::Quarter(sample) => Points::of_sample(x, y, sample),
+        }
+    }
+
     /// Returns the radiance that the coat reflects from points and suns, and from sampled area lights if it is rough
     /// \[W·m⁻²·sr⁻¹\]. The base's deviation from uniform reflection is included, because the layer of direct light
     /// assumes uniform reflection.

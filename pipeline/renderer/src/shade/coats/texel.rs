@@ -17,7 +17,7 @@ use super::reflections::{KnownIrradiance, ReflectedRay};
 use crate::frame::Frame;
 use glam::{Vec3, Vec3A};
 use lighttree::Scratch;
-use render_core::{ShadingPoint, Surface, luminance};
+use render_core::{LightPoints, ShadingPoint, Surface, luminance};
 use std::f32::consts::{PI, TAU};
 
 /// Minimum number of rays per texel. Larger maps use one ray per direction, so that lobes of any width contain equally
@@ -112,7 +112,8 @@ fn light_along(scene: KnownScene, coated: &Coated, rays: &[Vec3], scratch: &mut 
     let count = rays.len() as u32;
     let (spread, share) = ((TAU / count as f32).sqrt(), luminance(coated.albedo()));
     let KnownScene { frame, known } = scene;
-    let mut reflections = Reflections { prepared: frame, scratch, shadow_rays: 0, known: Some(known) };
+    let mut reflections =
+        Reflections { prepared: frame, scratch, points: LightPoints::All, shadow_rays: 0, known: Some(known) };
     let mut light = Vec::with_capacity(rays.len());
     for &local in rays {
         light.push(match coated.to_world(local) {

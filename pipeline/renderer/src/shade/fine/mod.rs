@@ -5,8 +5,9 @@
 //! n = 4       if it is
 //! n = 8       if the first four samples differ by more than S
 //! ```
-//! The first sample is at the center. Further samples compute direct light and reflections in smooth coats. Other light
-//! varies slowly, and comes from the first samples (`first.rs`). A pixel shows the mean of its samples after tone
+//! The first sample is at the center. Further samples compute direct light and reflections in smooth coats, with a
+//! quarter of the points and rays, because a pixel has at least four. Other light varies slowly, and comes from the first
+//! samples (`first.rs`). A pixel shows the mean of its samples after tone
 //! mapping, like the surfaces in a pixel at an outline.
 
 mod first;
