@@ -1,8 +1,18 @@
 //! Prepared frame: all data that needs no thresholds (posed scene, lights and visible surfaces).
 
 use lighttree::LightTree;
+use render_core::scene::View;
 use render_core::{Accelerator, DirectLights, FinalGather, GBuffer, Surfaces};
 use std::sync::Arc;
+
+/// Time and camera of a frame, chosen by the caller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Moment {
+    /// Time in the scene's animation \[s\].
+    pub time: f32,
+    /// View of the camera; `None` for the filming camera of the scene.
+    pub view: Option<View>,
+}
 
 /// Prepared frame of a scene.
 pub struct Frame<'s> {

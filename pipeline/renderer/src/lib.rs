@@ -22,7 +22,7 @@ mod shade;
 pub mod texels;
 
 pub use exposure::{exposure_of_first_frame, exposure_of_lit_frames};
-pub use frame::{Frame, PreparedFrame};
+pub use frame::{Frame, Moment, PreparedFrame};
 pub use plan::Plan;
 pub use prepare::Preparation;
 pub use renderer::Renderer;

@@ -158,18 +158,23 @@ pub struct View {
     shape: f32,
 }
 
+/// Returns a transform without scale and shear: the axes are orthonormal, and the viewing direction is kept.
+fn rigid(world_from_camera: Affine3A) -> Affine3A {
+    let m = world_from_camera.matrix3;
+    let z = m.z_axis.try_normalize().unwrap_or(Vec3A::Z);
+    let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+    let mut rigid = Affine3A::IDENTITY;
+    rigid.matrix3 = glam::Mat3A::from_cols(x, z.cross(x), z);
+    rigid.translation = world_from_camera.translation;
+    rigid
+}
+
 impl View {
     /// Builds a view from the node transform `world_from_camera` on `width × height` pixels. The scale of the transform
     /// is ignored.
     #[must_use]
     pub fn new(world_from_camera: Affine3A, projection: Projection, width: usize, height: usize) -> Self {
-        // Remove scale and shear: orthonormalize the axes, and keep the viewing direction.
-        let m = world_from_camera.matrix3;
-        let z = m.z_axis.try_normalize().unwrap_or(Vec3A::Z);
-        let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
-        let mut rigid = Affine3A::IDENTITY;
-        rigid.matrix3 = glam::Mat3A::from_cols(x, z.cross(x), z);
-        rigid.translation = world_from_camera.translation;
+        let rigid = rigid(world_from_camera);
         let half_height = match projection {
             Projection::Perspective { yfov } => (yfov / 2.0).tan(),
             Projection::Orthographic { ymag } => ymag,
@@ -185,6 +190,14 @@ impl View {
             depths: DepthRange::ALL,
             shape: 0.0,
         }
+    }
+
+    /// Returns the view of the same lens at another position, from the node transform `world_from_camera`. The scale of
+    /// the transform is ignored.
+    #[must_use]
+    pub fn moved_to(self, world_from_camera: Affine3A) -> Self {
+        let rigid = rigid(world_from_camera);
+        Self { world_from_camera: rigid, camera_from_world: rigid.inverse(), ..self }
     }
 
     /// Returns the view with pixels of this aspect ratio, width over height. The vertical extent stays unchanged,

@@ -51,7 +51,16 @@ impl Plan {
     /// Plans `scene` with `settings`.
     #[must_use]
     pub fn new(scene: &Scene, settings: &RenderSettings) -> Self {
-        let facts = Facts::new(scene, settings);
+        Self::of_facts(scene, settings, Facts::new(scene, settings))
+    }
+
+    /// Plans `scene` with `settings` for a camera that may move at any time, even if the scene's camera is static.
+    #[must_use]
+    pub fn with_free_camera(scene: &Scene, settings: &RenderSettings) -> Self {
+        Self::of_facts(scene, settings, Facts { camera_moves: true, ..Facts::new(scene, settings) })
+    }
+
+    fn of_facts(scene: &Scene, settings: &RenderSettings, facts: Facts) -> Self {
         let costs = Costs::of(scene, settings, facts.area_lights);
         let (shares, whole) = shares(&costs);
 

@@ -36,7 +36,7 @@ impl PrepareState<'_> {
     /// Returns the lights of a frame, with their current flux.
     pub(super) fn lights(&mut self, placed: PlacedScene, figures: &mut FrameFigures) -> Lights {
         // Report the work before this frame with this frame.
-        let PlacedScene { frame: n, pose, surfaces, accelerator } = placed;
+        let PlacedScene { frame: n, time, pose, surfaces, accelerator } = placed;
         let pending = std::mem::take(&mut self.light.pending);
         figures.seconds.anchors = pending.anchors;
         figures.seconds.update += pending.update;
@@ -46,7 +46,8 @@ impl PrepareState<'_> {
         }
 
         // Reuse the lights of the previous frame, or of frame 0, if nothing changes.
-        if let Some(kept) = self.kept.as_ref().filter(|_| !CHANGING.iter().any(|&stage| self.plan.runs(stage, n))) {
+        let changes = CHANGING.iter().any(|&stage| self.plan.runs(stage, n));
+        if let Some(kept) = self.kept.as_ref().filter(|kept| !changes || kept.time == time) {
             let Kept { tree, direct, gather, .. } = kept;
             return Lights { tree: tree.clone(), direct: direct.clone(), gather: gather.clone() };
         }

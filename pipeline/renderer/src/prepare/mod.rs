@@ -4,7 +4,7 @@
 mod film_light;
 mod lights;
 
-use super::frame::{Frame, PreparedFrame};
+use super::frame::{Frame, Moment, PreparedFrame};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{RenderSettings, Size};
 use film_light::{FilmInputs, FilmLight, Lights};
@@ -18,7 +18,7 @@ use pipeline::stage::{Prepare, Prepared};
 use pipeline::state::NONSENSE;
 use plane::Correspondence;
 use render_core::ranks::{Alone, Ranks};
-use render_core::scene::{Pose, Scene};
+use render_core::scene::{Pose, Scene, View};
 use render_core::{Accelerator, Busy, DirectLights, FinalGather, GBuffer, PixelSample, PosedScene, Surfaces};
 use std::sync::Arc;
 
@@ -85,6 +85,15 @@ impl<'s> Preparation<'s> {
     /// Prepares frame `index`, in any order of frames. Motion refers to the previously prepared frame.
     pub fn frame(&mut self, index: u32) -> PreparedFrame<'s> {
         self.work().frame(index)
+    }
+
+    /// Prepares frame `index` at a `moment` of the caller's choice, at any time and from any view. Frames are numbered
+    /// from 0 without gaps. Motion refers to the previously prepared frame.
+    ///
+    /// Frame 0 has the lights of the film's first frame, so its time should be the time of that frame. The plan should
+    /// be [`Plan::with_free_camera`].
+    pub fn frame_at(&mut self, index: u32, moment: Moment) -> PreparedFrame<'s> {
+        self.work().frame_at(index, moment)
     }
 
     /// Prepares frame 0 at another size, before the frames of the film. The light is the light of the film. Other ranks
@@ -188,6 +197,8 @@ struct PrepareState<'s> {
 }
 
 struct Kept {
+    /// Time of the frame \[s\].
+    time: f32,
     accelerator: Arc<Accelerator>,
     direct: Arc<DirectLights>,
     tree: Arc<LightTree>,
@@ -197,11 +208,20 @@ struct Kept {
     of_itself: Option<Arc<Correspondence>>,
 }
 
+impl Kept {
+    /// Returns whether the frame shows the scene at `time` from `view`.
+    fn shows(&self, time: f32, view: &View) -> bool {
+        self.time == time && self.seen.view == *view
+    }
+}
+
 /// The scene in the pose of a frame.
 #[derive(Clone, Copy)]
 struct PlacedScene<'a> {
     /// Frame number.
     frame: u32,
+    /// Time in the scene's animation \[s\].
+    time: f32,
     pose: &'a Pose,
     surfaces: &'a Surfaces<'a>,
     accelerator: &'a Accelerator,
@@ -209,15 +229,19 @@ struct PlacedScene<'a> {
 
 impl<'s> PrepareState<'s> {
     fn frame(&mut self, n: u32) -> PreparedFrame<'s> {
+        self.frame_at(n, Moment { time: self.settings.time(n), view: None })
+    }
+
+    fn frame_at(&mut self, n: u32, Moment { time, view }: Moment) -> PreparedFrame<'s> {
         // Place the objects if any object moves.
         let mut figures = FrameFigures::default();
-        let pose = self.scene.pose(self.settings.time(n));
+        let pose = self.scene.pose(time);
         let surfaces = Surfaces::new(self.scene, &pose);
-        let accelerator = self.placed(n, &pose, &mut figures);
+        let accelerator = self.placed(n, time, &pose, &mut figures);
 
         // Trace photons to the anchors.
         let lights = tracing::debug_span!("lights", frame = n).entered();
-        let placed = PlacedScene { frame: n, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
+        let placed = PlacedScene { frame: n, time, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
         let Lights { tree, direct, gather } = self.lights(placed, &mut figures);
         drop(lights);
 
@@ -225,10 +249,10 @@ impl<'s> PrepareState<'s> {
         let _rays = tracing::debug_span!("primary rays and motion", frame = n).entered();
         let busy = Busy::default();
         let Size { width, height } = self.settings.size;
+        let view = view.unwrap_or_else(|| self.view(&pose));
         let seen = match &self.kept {
-            Some(kept) if !self.plan.runs(Stage::PrimaryRays, n) => kept.seen.clone(),
+            Some(kept) if !self.plan.runs(Stage::PrimaryRays, n) || kept.shows(time, &view) => kept.seen.clone(),
             _ => {
-                let view = self.scene.view(&pose, width, height).with_pixel_aspect(self.settings.pixel_aspect);
                 let scene = PosedScene::new(&accelerator, &surfaces);
                 let traced = GBuffer::trace_among(PixelSample::WHOLE, scene, &view, (width, height), &*self.ranks);
                 Arc::new(busy.take(traced))
@@ -251,7 +275,7 @@ impl<'s> PrepareState<'s> {
         figures.seconds.visibility = busy.seconds();
 
         // Share the data between the frame and the state for the next frame.
-        let kept = Kept { accelerator, direct, tree, gather, seen, of_itself };
+        let kept = Kept { time, accelerator, direct, tree, gather, seen, of_itself };
         let frame = Frame {
             index: n,
             surfaces,
@@ -265,9 +289,17 @@ impl<'s> PrepareState<'s> {
         self.kept = Some(kept);
         Prepared { frame, correspondence, forward, figures }
     }
-    /// Returns the ray tree of the scene in `pose` of frame `n`.
-    fn placed(&mut self, n: u32, pose: &Pose, figures: &mut FrameFigures) -> Arc<Accelerator> {
-        if let Some(kept) = self.kept.as_ref().filter(|_| !self.plan.runs(Stage::ObjectPlacing, n)) {
+
+    /// Returns the view of the scene's filming camera in `pose`.
+    fn view(&self, pose: &Pose) -> View {
+        let Size { width, height } = self.settings.size;
+        self.scene.view(pose, width, height).with_pixel_aspect(self.settings.pixel_aspect)
+    }
+
+    /// Returns the ray tree of the scene in `pose` of frame `n` at `time`.
+    fn placed(&mut self, n: u32, time: f32, pose: &Pose, figures: &mut FrameFigures) -> Arc<Accelerator> {
+        let is_placed = |kept: &&Kept| kept.time == time || !self.plan.runs(Stage::ObjectPlacing, n);
+        if let Some(kept) = self.kept.as_ref().filter(is_placed) {
             return kept.accelerator.clone();
         }
         // Reuse the tree of frame 0 if it is in the same pose.
@@ -284,10 +316,11 @@ impl<'s> PrepareState<'s> {
     /// Computes the lights of frame 0, as part of the film's light.
     fn light_frame_0(&mut self) {
         let mut figures = FrameFigures::default();
-        let pose = self.scene.pose(self.settings.time(0));
+        let time = self.settings.time(0);
+        let pose = self.scene.pose(time);
         let surfaces = Surfaces::new(self.scene, &pose);
-        let accelerator = self.placed(0, &pose, &mut figures);
-        let placed = PlacedScene { frame: 0, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
+        let accelerator = self.placed(0, time, &pose, &mut figures);
+        let placed = PlacedScene { frame: 0, time, pose: &pose, surfaces: &surfaces, accelerator: &accelerator };
         self.light.first.lights = Some(self.lights(placed, &mut figures));
         // Report the cost with the first frame of the film.
         self.light.pending.add(&figures);

@@ -35,6 +35,9 @@ pub trait Layer: Send {
         false
     }
 
+    /// Adapts to the quantiser_scale of the next frames, 1…112.
+    fn set_quantiser_scale(&mut self, _quantiser_scale: u32) {}
+
     /// Keeps the data of the channel `aov` from the next frame on, if the layer provides that channel.
     fn keep(&mut self, _aov: Aov) {}
 

@@ -158,6 +158,13 @@ impl Layers {
         }
     }
 
+    /// Adapts every layer to the quantiser_scale of the next frames, 1…112.
+    pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
+        for layer in self.direct.iter_mut().chain(&mut self.indirect) {
+            layer.set_quantiser_scale(quantiser_scale);
+        }
+    }
+
     /// Discards the state of earlier frames in every layer.
     pub fn forget(&mut self) {
         self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());

@@ -155,8 +155,19 @@ impl<'a> Shading<'a> {
         self.watched = aov.to_vec();
     }
 
+    /// Adapts the permitted error of reprojected light to the quantiser_scale of the next frames, 1…112.
+    pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
+        self.layers.set_quantiser_scale(quantiser_scale);
+    }
+
+    /// Uses another plan of the same scene from the next frame on. It may differ from the plan so far in the stages
+    /// [`Stage::Antialiasing`] and [`Stage::FineSamples`] only.
+    pub fn set_plan(&mut self, plan: &'a Plan) {
+        self.plan = plan;
+    }
+
     /// Discards the state of earlier frames: the next frame is lit like the first frame of a film.
-    fn forget(&mut self) {
+    pub fn forget(&mut self) {
         self.layers.forget();
         self.tiling.iter_mut().for_each(Tiling::forget);
         (self.places, self.still) = (Vec::new(), None);

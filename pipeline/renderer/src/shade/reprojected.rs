@@ -105,6 +105,10 @@ impl<L: Reprojectable> Layer for Reprojected<L> {
         self.layer.is_dark(frame)
     }
 
+    fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
+        self.allowed = allowed_error(quantiser_scale);
+    }
+
     fn keep(&mut self, aov: Aov) {
         self.layer.keep(aov);
     }

@@ -238,6 +238,10 @@ impl Layer for ReprojectedCoats {
         (self.light, self.lamps, self.intensities) = Default::default();
     }
 
+    fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
+        self.allowed = allowed_error(quantiser_scale);
+    }
+
     fn state(&self) -> Vec<u8> {
         encode(&self.light)
     }
