@@ -1,0 +1,211 @@
+//! Pictures of a scene on demand, without clock, network or threads of its own.
+//!
+//! [`LiveLoop`] runs the stages of a film one after the other for each picture. The caller chooses time, view and
+//! quantiser. The thresholds of a picture steer the light of the next one, as in films.
+
+mod ladder;
+mod video;
+
+pub use ladder::{COARSEST, FINEST, coarser_than, nearest_quantiser};
+
+use crate::error::{Error, Result};
+use mpeg2enc::{Packet, PictureType};
+use pipeline::figures::Seconds;
+use pipeline::stage::{
+    Coding, Display as _, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade, Shaded,
+};
+use ranks::process_seconds;
+use render_core::scene::Scene;
+use render2mpeg::Settings;
+use render2mpeg::stages::{Display, Masking};
+use renderer::plan::{Plan, Stage};
+use renderer::settings::{RenderSettings, SampleCount};
+use renderer::{Moment, Preparation, Shading, exposure_of_lit_frames};
+use std::sync::Arc;
+use video::LiveVideo;
+
+/// Stages for pictures in motion and at rest.
+#[derive(Clone, Debug)]
+pub struct LivePlans {
+    /// Stages of pictures with one sample per pixel.
+    plain: Plan,
+    /// Stages of pictures with smooth outlines and further samples.
+    fine: Plan,
+}
+
+impl LivePlans {
+    /// Plans `scene` with `settings`, for a camera that may move at any time.
+    #[must_use]
+    pub fn new(scene: &Scene, settings: &Settings) -> Self {
+        let fine = Plan::with_free_camera(scene, &settings.render);
+        let render = RenderSettings { samples: SampleCount::Each(1), antialiasing: false, ..settings.render.clone() };
+        Self { plain: Plan::with_free_camera(scene, &render), fine }
+    }
+}
+
+/// Number of samples of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Detail {
+    /// One sample per pixel.
+    #[default]
+    Plain,
+    /// Smooth outlines, and further samples where light changes within a pixel.
+    Fine,
+}
+
+/// Request for a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PictureRequest {
+    /// Time and camera.
+    pub moment: Moment,
+    /// quantiser_scale of MPEG-2, 1…112.
+    pub quantiser_scale: u32,
+    /// Number of samples.
+    pub detail: Detail,
+    /// Whether the picture must be an I picture, such as for a new viewer.
+    pub is_intra: bool,
+    /// Whether all light is computed again, within the thresholds in force.
+    pub is_fresh: bool,
+}
+
+impl PictureRequest {
+    /// Returns a request for a plain picture of `moment`.
+    #[must_use]
+    pub fn new(moment: Moment, quantiser_scale: u32) -> Self {
+        Self { moment, quantiser_scale, detail: Detail::Plain, is_intra: false, is_fresh: false }
+    }
+}
+
+/// Coded picture and its figures.
+#[derive(Clone, Debug)]
+pub struct LivePicture {
+    /// Picture of the elementary stream, with its reconstruction. The display index counts all pictures of the loop.
+    pub packet: Packet,
+    /// CPU seconds of the stages.
+    pub seconds: Seconds,
+    /// Fraction of the lit pixels for which some light was computed.
+    pub shaded_share: f64,
+    /// Mean ratio of threshold to luminance.
+    pub threshold_mean_relative: f64,
+}
+
+impl LivePicture {
+    /// Returns whether a decoder may start with this picture.
+    #[must_use]
+    pub fn is_intra(&self) -> bool {
+        self.packet.picture_type == PictureType::I
+    }
+}
+
+/// The loop of renderer, display, encoder and masking model for pictures on demand.
+pub struct LiveLoop<'a> {
+    /// Time of the film's first frame \[s\].
+    begin: f32,
+    plans: &'a LivePlans,
+    prepare: Preparation<'a>,
+    shade: Shading<'a>,
+    display: Display,
+    mask: Option<Masking>,
+    video: LiveVideo,
+    /// Thresholds of the last picture.
+    thresholds: Option<LuminanceThresholds>,
+    /// Number of the next picture, from 0.
+    index: u32,
+}
+
+impl<'a> LiveLoop<'a> {
+    /// Creates a loop for `scene`. The first picture computes the light of the scene for all views.
+    ///
+    /// # Errors
+    /// If no encoder supports the settings.
+    pub fn new(scene: &'a Scene, settings: &Settings, plans: &'a LivePlans) -> Result<Self> {
+        // Use the exposure of a film, which its first frame determines unless that is dark or lamps move.
+        let of_lit_frames = settings.render.auto_exposure.then(|| exposure_of_lit_frames(scene, &settings.render));
+        let display = match of_lit_frames.flatten() {
+            Some(exposure) => Display::new(settings.render.tone_map.with_exposure(exposure)),
+            None => Display::of(settings)?,
+        };
+        let masks = plans.plain.is_on(Stage::Masking);
+        Ok(Self {
+            begin: settings.render.time(0),
+            plans,
+            prepare: Preparation::new(scene, &settings.render, &plans.plain).everywhere(),
+            shade: Shading::new(&settings.render, &plans.plain),
+            display,
+            mask: masks.then(|| Masking::new(settings)).transpose()?,
+            video: LiveVideo::new(settings)?,
+            thresholds: None,
+            index: 0,
+        })
+    }
+
+    /// Computes the light of the scene for all views, before the first picture.
+    pub fn make_ready(&mut self) {
+        self.prepare.make_ready();
+    }
+
+    /// Renders and codes the next picture.
+    ///
+    /// # Errors
+    /// If the standard does not have the quantiser.
+    pub fn picture(&mut self, request: PictureRequest) -> Result<LivePicture> {
+        let PictureRequest { moment, quantiser_scale, detail, is_intra, is_fresh } = request;
+        // Frame 0 has the lights of the film's first frame, so begin with frame 1 at any other time.
+        let is_first = self.index == 0;
+        if is_first && moment.time != self.begin {
+            self.index = 1;
+        }
+        let index = self.index;
+        if is_fresh {
+            self.shade.forget();
+        }
+
+        // Light the frame within the thresholds of the previous picture.
+        let prepared = self.prepare.frame_at(index, moment);
+        self.shade.set_plan(match detail {
+            Detail::Plain => &self.plans.plain,
+            Detail::Fine => &self.plans.fine,
+        });
+        self.shade.set_quantiser_scale(quantiser_scale);
+        let known = prepared.correspondence.clone();
+        let last = LastThresholds::new(index, self.thresholds.as_ref(), known.as_deref());
+        let shaded = self.shade.step(&prepared, last);
+
+        // Show and code it, with the exact motion from the previous picture.
+        let Shaded { figures, .. } = &shaded;
+        let mut seconds = figures.seconds.clone();
+        let (shaded_share, threshold_mean_relative) = (figures.shaded_share, figures.threshold_mean_relative);
+        let begin = process_seconds();
+        let shown = self.display.show(if is_first { 0 } else { index }, &shaded);
+        let is_shown = process_seconds();
+        let displayed = Displayed { index, correspondence: known, ..shown };
+        let coded = self.video.code(&displayed, quantiser_scale, is_intra)?;
+        let is_coded = process_seconds();
+
+        // Derive the thresholds of the next picture from the coding of this one.
+        self.thresholds = self.masked(displayed, &coded.coding);
+        (seconds.tone_map, seconds.encode) = (is_shown - begin, is_coded - is_shown);
+        seconds.thresholds = process_seconds() - is_coded;
+        self.index = index.checked_add(1).ok_or(Error::TooManyPictures)?;
+        seconds.add_up();
+        Ok(LivePicture { packet: coded.packet, seconds, shaded_share, threshold_mean_relative })
+    }
+
+    /// Returns the thresholds that follow from the coding of a picture; `None` without masking.
+    fn masked(&mut self, displayed: Displayed, coding: &Coding) -> Option<LuminanceThresholds> {
+        let delta = self.mask.as_mut()?.step(&displayed, coding);
+        Some(LuminanceThresholds { of: displayed.index, delta, luminance: Arc::clone(&displayed.luminance) })
+    }
+
+    /// Returns the configuration of the encoder.
+    #[must_use]
+    pub fn encoder_config(&self) -> &mpeg2enc::Config {
+        self.video.config()
+    }
+}
+
+impl std::fmt::Debug for LiveLoop<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LiveLoop").field("index", &self.index).finish_non_exhaustive()
+    }
+}

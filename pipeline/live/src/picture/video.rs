@@ -1,0 +1,63 @@
+//! Encoder of pictures on demand: I and P pictures without delay, each with its own quantiser.
+
+use crate::error::Result;
+use mpeg2enc::{Config, Encoder, Packet, PictureType, Rate, SuppliedMotion};
+use pipeline::stage::{Coding, Displayed};
+use render2mpeg::Settings;
+
+/// Maximum distance between I pictures \[pictures\]. The standard requires that each macroblock is coded as intra at
+/// least once in 132 predicted pictures (13818-2, 7.4.4 and Annex A).
+const LONGEST_GROUP: u32 = 132;
+
+/// Encoder of a stream whose viewers may join at any I picture.
+pub(super) struct LiveVideo {
+    config: Config,
+    encoder: Encoder,
+    /// Number of the first picture of `encoder` in the stream.
+    first: u64,
+    /// Number of the next picture in the stream.
+    next: u64,
+}
+
+/// Picture of the stream, and its coding for the masking model.
+pub(super) struct CodedLive {
+    pub packet: Packet,
+    pub coding: Coding,
+}
+
+impl LiveVideo {
+    /// Creates the encoder for `settings`. Rate and look-ahead of films are ignored.
+    pub fn new(settings: &Settings) -> Result<Self> {
+        let config = settings.encoder_config()?;
+        let config = config.with_lookahead(0).with_rate(Rate::ConstantQuantiser).with_gop(LONGEST_GROUP);
+        let encoder = config.clone().encoder().map_err(render2mpeg::Error::from)?;
+        Ok(Self { config, encoder, first: 0, next: 0 })
+    }
+
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Codes the next picture.
+    pub fn code(&mut self, displayed: &Displayed, quantiser_scale: u32, is_intra: bool) -> Result<CodedLive> {
+        // An I picture on request begins a new encoder, whose first picture needs no reference.
+        if is_intra && self.next > self.first {
+            let encoder = self.config.clone().with_first_number(self.next).encoder();
+            (self.encoder, self.first) = (encoder.map_err(render2mpeg::Error::from)?, self.next);
+        }
+        self.encoder.set_quantiser_scale(quantiser_scale).map_err(render2mpeg::Error::from)?;
+        let motion = SuppliedMotion { to_previous: displayed.correspondence.as_deref(), to_next: None };
+        let packets = self.encoder.push(&displayed.picture.picture, motion);
+        let mut packet = packets.into_iter().next().expect("an encoder without look-ahead codes each picture at once");
+
+        // Number pictures in the stream, across encoders.
+        packet.display_index += self.first;
+        self.next += 1;
+        let coding = Coding {
+            outcome: Some(packet.coded()),
+            begins_group: packet.picture_type == PictureType::I,
+            ..Coding::of_quantiser(quantiser_scale as f32)
+        };
+        Ok(CodedLive { packet, coding })
+    }
+}

@@ -1,0 +1,4 @@
+//! Tests of live pictures, without a network.
+
+mod flow;
+mod pictures;

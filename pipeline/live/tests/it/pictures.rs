@@ -1,0 +1,129 @@
+//! Pictures on demand, compared with a fine picture of the same view.
+
+use live::pipeline::stage::{Display as _, LastThresholds, Shade};
+use live::render_core::scene::{Scene, View};
+use live::render2mpeg::stages::Display;
+use live::render2mpeg::{Options, Settings};
+use live::renderer::plan::Plan;
+use live::renderer::{Moment, Preparation, Shading};
+use live::session::Rest;
+use live::{Detail, LiveLoop, LivePicture, LivePlans, PictureRequest};
+use mpeg2dec::{Decoder, SampleComponent};
+use perceptual::psnr;
+use plane::Plane;
+use render_core::glam::{Affine3A, Quat, Vec3};
+use std::path::Path;
+
+/// Loads the Cornell box, with settings for small pictures.
+fn cornell() -> (Scene, Settings) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/cornell/cornell.glb");
+    let scene = render_core::scene::load(&path).unwrap();
+    let (size, vpls) = (Some("96x80".parse().unwrap()), Some(400));
+    let options = Options { size, vpls, photons: Some(20_000), ..Options::default() };
+    let settings = Settings::new(path, &scene, &options).unwrap();
+    (scene, settings)
+}
+
+/// Returns the moment of a camera after `steps` of a walk with a turn.
+fn moment(scene: &Scene, settings: &Settings, steps: u32) -> Moment {
+    let size = settings.render.size;
+    let view: View = scene.view(&scene.pose(0.0), size.width, size.height);
+    let steps = steps as f32;
+    let turn = Quat::from_rotation_y(0.02 * steps);
+    let local = Affine3A::from_rotation_translation(turn, Vec3::new(0.02 * steps, 0.0, -0.02 * steps));
+    Moment { time: 0.0, view: Some(view.moved_to(view.world_from_camera() * local)) }
+}
+
+/// Returns the luma of a moment, lit within 2 % of luminance, and not coded.
+fn fine(scene: &Scene, settings: &Settings, moment: Moment) -> Plane<u8> {
+    let plan = Plan::with_free_camera(scene, &settings.render);
+    // Frame 0 would have the pose of the film's first frame.
+    let prepared = Preparation::new(scene, &settings.render, &plan).everywhere().frame_at(1, moment);
+    let shaded = Shading::new(&settings.render, &plan).step(&prepared, LastThresholds::none());
+    let shown = Display::of(settings).unwrap().show(0, &shaded);
+    shown.picture.picture.luma().clone()
+}
+
+/// Decodes pictures as the page does, and returns the luma of each.
+#[derive(Default)]
+struct Page(Decoder);
+
+impl Page {
+    fn show(&mut self, picture: &LivePicture) -> Plane<u8> {
+        let mut shown = Vec::new();
+        for bytes in [&picture.packet.data[..], &[0, 0, 1, 0xb2]] {
+            self.0.push(bytes, |picture| {
+                let luma = picture.plane(SampleComponent::Y);
+                let samples = luma.rows().flatten().copied().collect();
+                shown.push(Plane::from_vec(luma.width, luma.height, samples));
+            });
+        }
+        assert_eq!(shown.len(), 1, "each message is one picture");
+        shown.remove(0)
+    }
+}
+
+#[test]
+fn a_walk_has_exact_motion_and_rests_at_the_quality_of_a_film() {
+    let (scene, settings) = cornell();
+    let plans = LivePlans::new(&scene, &settings);
+    let mut live = LiveLoop::new(&scene, &settings, &plans).unwrap();
+    let mut page = Page::default();
+    let (mut bits, mut rest) = (Vec::new(), Rest::default());
+    for step in 0..8 {
+        let request = PictureRequest::new(moment(&scene, &settings, step), 16);
+        let is_intra = step == 5;
+        let picture = live.picture(PictureRequest { is_intra, ..request }).unwrap();
+        assert_eq!(picture.is_intra(), step == 0 || is_intra);
+        assert_eq!(picture.packet.display_index, u64::from(step));
+        // Decoders show the reconstruction of the encoder.
+        assert_eq!(&page.show(&picture), picture.packet.reconstruction.luma());
+        bits.push(picture.packet.bits);
+        rest.moved(&picture);
+    }
+    assert!(2 * bits[2] < bits[0] && 2 * bits[7] < bits[5], "motion predicts pictures: {bits:?}");
+
+    // At rest, pictures become finer until nothing is left to do.
+    let at_rest = moment(&scene, &settings, 7);
+    let truth = fine(&scene, &settings, at_rest);
+    let (mut qualities, mut last) = (Vec::new(), u64::MAX);
+    while let Some(step) = rest.next(4, 4) {
+        let detail = Detail::Fine;
+        let request = PictureRequest::new(at_rest, step.quantiser_scale);
+        let picture = live.picture(PictureRequest { detail, is_fresh: step.is_fresh, ..request }).unwrap();
+        rest.refined(&picture, detail, step.is_fresh);
+        qualities.push(psnr(&page.show(&picture), &truth));
+        last = picture.packet.bits;
+        assert!(qualities.len() < 6, "{qualities:?}");
+    }
+    assert!(*qualities.last().unwrap() >= 40.0, "{qualities:?}");
+    assert!(last < bits[0], "{last} of {}", bits[0]);
+
+    // The same moment again costs next to nothing.
+    let request = PictureRequest { detail: Detail::Fine, ..PictureRequest::new(at_rest, 4) };
+    let picture = live.picture(request).unwrap();
+    let (again, share) = (picture.packet.bits, picture.shaded_share);
+    assert!(8 * again < bits[0] && share < 0.3, "{again} of {} bits, {share}", bits[0]);
+}
+
+#[test]
+fn time_and_camera_are_free() {
+    let (scene, settings) = cornell();
+    let plans = LivePlans::new(&scene, &settings);
+    let mut live = LiveLoop::new(&scene, &settings, &plans).unwrap();
+    let mut page = Page::default();
+    let view = moment(&scene, &settings, 0).view;
+    let mut lumas = Vec::new();
+    // The animation goes on, stops, and goes back.
+    for frame in [0.0, 20.0, 20.0, 3.0] {
+        let moment = Moment { time: (frame / settings.render.fps) as f32, view };
+        let request = PictureRequest { detail: Detail::Fine, ..PictureRequest::new(moment, 4) };
+        let picture = live.picture(request).unwrap();
+        lumas.push((page.show(&picture), fine(&scene, &settings, moment)));
+    }
+    for (shown, truth) in &lumas {
+        let quality = psnr(shown, truth);
+        assert!(quality > 36.0, "{quality}");
+    }
+    assert!(psnr(&lumas[0].0, &lumas[1].0) < 36.0, "objects move");
+}
