@@ -3,12 +3,12 @@
 use std::net::SocketAddr;
 
 /// Result of live pictures.
-pub type Result<T, E = Error> = std::result::Result<T, E>;
+pub type LiveResult<T> = Result<T, LiveError>;
 
 /// Error of live pictures or their server.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Error {
+pub enum LiveError {
     /// The renderer or the encoder does not support the settings.
     #[error(transparent)]
     Film(#[from] render2mpeg::Error),

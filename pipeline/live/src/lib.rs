@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 pub mod camera;
+pub mod controls;
 pub mod error;
 pub mod flow;
 pub mod message;
@@ -10,7 +11,7 @@ pub mod picture;
 pub mod server;
 pub mod session;
 
-pub use error::{Error, Result};
+pub use error::{LiveError, LiveResult};
 pub use picture::{Detail, LiveLoop, LivePicture, LivePlans, PictureRequest};
 
 /// Crates with types in public signatures, re-exported.

@@ -1,6 +1,6 @@
 //! Messages between server and page: pictures with a fixed header, and inputs as JSON.
 
-use crate::session::Controls;
+use crate::controls::Controls;
 use axum::body::Bytes;
 use serde::Deserialize;
 use std::time::Duration;

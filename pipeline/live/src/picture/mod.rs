@@ -8,7 +8,7 @@ mod video;
 
 pub use ladder::{COARSEST, FINEST, coarser_than, nearest_quantiser};
 
-use crate::error::{Error, Result};
+use crate::error::{LiveError, LiveResult};
 use mpeg2enc::{Packet, PictureType};
 use pipeline::figures::Seconds;
 use pipeline::stage::{
@@ -24,7 +24,7 @@ use renderer::{Moment, Preparation, Shading, exposure_of_lit_frames};
 use std::sync::Arc;
 use video::LiveVideo;
 
-/// Stages for pictures in motion and at rest.
+/// Stages for pictures in motion and for static views.
 #[derive(Clone, Debug)]
 pub struct LivePlans {
     /// Stages of pictures with one sample per pixel.
@@ -118,7 +118,7 @@ impl<'a> LiveLoop<'a> {
     ///
     /// # Errors
     /// If no encoder supports the settings.
-    pub fn new(scene: &'a Scene, settings: &Settings, plans: &'a LivePlans) -> Result<Self> {
+    pub fn new(scene: &'a Scene, settings: &Settings, plans: &'a LivePlans) -> LiveResult<Self> {
         // Use the exposure of a film, which its first frame determines unless that is dark or lamps move.
         let of_lit_frames = settings.render.auto_exposure.then(|| exposure_of_lit_frames(scene, &settings.render));
         let display = match of_lit_frames.flatten() {
@@ -148,7 +148,7 @@ impl<'a> LiveLoop<'a> {
     ///
     /// # Errors
     /// If the standard does not have the quantiser.
-    pub fn picture(&mut self, request: PictureRequest) -> Result<LivePicture> {
+    pub fn picture(&mut self, request: PictureRequest) -> LiveResult<LivePicture> {
         let PictureRequest { moment, quantiser_scale, detail, is_intra, is_fresh } = request;
         // Frame 0 has the lights of the film's first frame, so begin with frame 1 at any other time.
         let is_first = self.index == 0;
@@ -186,7 +186,7 @@ impl<'a> LiveLoop<'a> {
         self.thresholds = self.masked(displayed, &coded.coding);
         (seconds.tone_map, seconds.encode) = (is_shown - begin, is_coded - is_shown);
         seconds.thresholds = process_seconds() - is_coded;
-        self.index = index.checked_add(1).ok_or(Error::TooManyPictures)?;
+        self.index = index.checked_add(1).ok_or(LiveError::TooManyPictures)?;
         seconds.add_up();
         Ok(LivePicture { packet: coded.packet, seconds, shaded_share, threshold_mean_relative })
     }

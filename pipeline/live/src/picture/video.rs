@@ -1,6 +1,6 @@
 //! Encoder of pictures on demand: I and P pictures without delay, each with its own quantiser.
 
-use crate::error::Result;
+use crate::error::LiveResult;
 use mpeg2enc::{Config, Encoder, Packet, PictureType, Rate, SuppliedMotion};
 use pipeline::stage::{Coding, Displayed};
 use render2mpeg::Settings;
@@ -27,7 +27,7 @@ pub(super) struct CodedLive {
 
 impl LiveVideo {
     /// Creates the encoder for `settings`. Rate and look-ahead of films are ignored.
-    pub fn new(settings: &Settings) -> Result<Self> {
+    pub fn new(settings: &Settings) -> LiveResult<Self> {
         let config = settings.encoder_config()?;
         let config = config.with_lookahead(0).with_rate(Rate::ConstantQuantiser).with_gop(LONGEST_GROUP);
         let encoder = config.clone().encoder().map_err(render2mpeg::Error::from)?;
@@ -39,7 +39,7 @@ impl LiveVideo {
     }
 
     /// Codes the next picture.
-    pub fn code(&mut self, displayed: &Displayed, quantiser_scale: u32, is_intra: bool) -> Result<CodedLive> {
+    pub fn code(&mut self, displayed: &Displayed, quantiser_scale: u32, is_intra: bool) -> LiveResult<CodedLive> {
         // An I picture on request begins a new encoder, whose first picture needs no reference.
         if is_intra && self.next > self.first {
             let encoder = self.config.clone().with_first_number(self.next).encoder();

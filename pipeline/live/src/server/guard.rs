@@ -1,6 +1,6 @@
 //! Requests that are answered: sent to an address of this server, by its own page, with the token if there is one.
 
-use crate::error::{Error, Result};
+use crate::error::{LiveError, LiveResult};
 use axum::http::HeaderMap;
 use axum::http::header::{HOST, ORIGIN};
 use std::net::{IpAddr, SocketAddr};
@@ -20,10 +20,10 @@ impl Guard {
     ///
     /// # Errors
     /// If the token cannot be part of a link, or no random numbers are available.
-    pub fn new(address: SocketAddr, token: Option<String>) -> Result<Self> {
+    pub fn new(address: SocketAddr, token: Option<String>) -> LiveResult<Self> {
         let token = match token {
             Some(token) if is_valid(&token) => Some(token),
-            Some(_) => return Err(Error::WrongToken),
+            Some(_) => return Err(LiveError::WrongToken),
             None if address.ip().is_loopback() => None,
             None => Some(random_token()?),
         };
@@ -88,9 +88,9 @@ fn is_valid(token: &str) -> bool {
     (8..=64).contains(&token.len()) && token.chars().all(is_plain)
 }
 
-fn random_token() -> Result<String> {
+fn random_token() -> LiveResult<String> {
     let mut bytes = [0; TOKEN];
-    getrandom::fill(&mut bytes).map_err(Error::Token)?;
+    getrandom::fill(&mut bytes).map_err(LiveError::Token)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
@@ -130,6 +130,6 @@ mod tests {
         }
         assert!(guard.host(&headers("192.168.1.2:8000", "")).is_some());
         assert!(guard.host(&headers("evil.example:8000", "")).is_none());
-        assert!(matches!(Guard::new("127.0.0.1:1".parse().unwrap(), Some("a b".into())), Err(Error::WrongToken)));
+        assert!(matches!(Guard::new("127.0.0.1:1".parse().unwrap(), Some("a b".into())), Err(LiveError::WrongToken)));
     }
 }

@@ -10,7 +10,7 @@ mod guard;
 mod page;
 mod socket;
 
-use crate::error::{Error, Result};
+use crate::error::{LiveError, LiveResult};
 use crate::session::Session;
 use axum::Router;
 use axum::extract::{Request, State};
@@ -47,8 +47,8 @@ impl Server {
     ///
     /// # Errors
     /// If the address is in use or invalid, or the token cannot be part of a link.
-    pub fn bind(address: SocketAddr, token: Option<String>, session: Arc<Session>) -> Result<Self> {
-        let listen = |source| Error::Listen { address, source };
+    pub fn bind(address: SocketAddr, token: Option<String>, session: Arc<Session>) -> LiveResult<Self> {
+        let listen = |source| LiveError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(listen)?;
         listener.set_nonblocking(true).map_err(listen)?;
         let local = listener.local_addr().map_err(listen)?;
@@ -66,8 +66,8 @@ impl Server {
     ///
     /// # Errors
     /// If the system refuses threads or sockets.
-    pub fn run(self) -> Result<()> {
-        let failed = |source| Error::System { what: "the server", source };
+    pub fn run(self) -> LiveResult<()> {
+        let failed = |source| LiveError::System { what: "the server", source };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
         let Self { listener, shared } = self;
         runtime.block_on(async {

@@ -89,7 +89,7 @@ async fn serve(mut socket: WebSocket, mut joined: Joined, place: Place) {
 /// Applies a message of a viewer.
 ///
 /// # Errors
-/// If no page sends such a message, or a page would not send so many.
+/// If no page sends such a message, or a page sends fewer messages.
 fn receive(message: &Message, place: &Place, allowance: &mut Allowance) -> Result<(), &'static str> {
     if !allowance.take(Instant::now()) {
         return Err("too many messages");

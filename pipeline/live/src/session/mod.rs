@@ -16,6 +16,6 @@ mod viewers;
 
 pub use rest::{Rest, RestStep};
 pub use shared::{Joined, Refusal, Session, SessionSettings};
-pub use stage::{Controls, LiveStage};
+pub use stage::LiveStage;
 pub use studio::{Studio, record_file};
 pub use viewers::{Outgoing, ViewerId};

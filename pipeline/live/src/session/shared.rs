@@ -1,8 +1,9 @@
 //! The session as threads share it: viewers' messages in, orders for pictures out.
 
 use super::rest::Rest;
-use super::stage::{Controls, LiveStage};
+use super::stage::LiveStage;
 use super::viewers::{Outgoing, ViewerId, Viewers};
+use crate::controls::Controls;
 use crate::flow::{FlowLimits, PictureKind, SentPicture};
 use crate::message::{PictureHeader, PictureState, ViewerMessage};
 use crate::picture::{Detail, LivePicture, PictureRequest};
@@ -64,7 +65,7 @@ pub struct Joined {
 /// Session of viewers in one scene, shared by the server and the thread that renders.
 #[derive(Debug)]
 pub struct Session {
-    state: Mutex<State>,
+    state: Mutex<SessionState>,
     changed: Condvar,
     /// True after the end.
     ended: watch::Sender<bool>,
@@ -74,7 +75,7 @@ pub struct Session {
 }
 
 #[derive(Debug)]
-struct State {
+struct SessionState {
     settings: SessionSettings,
     stage: LiveStage,
     viewers: Viewers,
@@ -107,7 +108,7 @@ impl Session {
     /// Creates a session in `scene`.
     #[must_use]
     pub fn new(scene: Arc<Scene>, settings: &Settings, session: SessionSettings) -> Self {
-        let state = State {
+        let state = SessionState {
             settings: session,
             stage: LiveStage::new(scene, &settings.render),
             viewers: Viewers::default(),
@@ -130,7 +131,7 @@ impl Session {
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, SessionState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -247,7 +248,7 @@ impl Session {
     }
 
     /// Sends every viewer its role.
-    fn tell_roles(&self, state: &State) {
+    fn tell_roles(&self, state: &SessionState) {
         for id in state.viewers.ids() {
             let role = if state.viewers.has_control(id) { "controller" } else { "viewer" };
             let SessionSettings { best, bits_per_second, .. } = state.settings;
@@ -260,7 +261,7 @@ impl Session {
     }
 }
 
-impl State {
+impl SessionState {
     fn control(&mut self, now: Duration, number: u32, controls: Controls) {
         self.stage.control(now, controls);
         self.input = number;

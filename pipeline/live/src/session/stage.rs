@@ -1,36 +1,19 @@
 //! Camera and animation as the controller's inputs set them, in place of the clock of a film.
 
 use crate::camera::{Keys, WalkCamera};
+use crate::controls::Controls;
 use render_core::glam::Vec2;
 use render_core::scene::{Scene, View};
 use renderer::Moment;
 use renderer::settings::{RenderSettings, Size};
-use serde::Deserialize;
 use std::sync::Arc;
 use std::time::Duration;
 
 /// Longest time between two pictures for which held keys move the camera.
 const LONGEST_STEP: Duration = Duration::from_millis(150);
 
-/// Change of the controls by one message. Missing fields change nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Controls {
-    /// Angles by which the camera turns \[rad\].
-    pub turn: [f32; 2],
-    /// Angles by which the camera moves around the orbit's center \[rad\].
-    pub orbit: [f32; 2],
-    /// Sideways movement \[multiples of the distance from the orbit's center\].
-    pub pan: [f32; 2],
-    /// Logarithm of the factor by which the camera approaches the orbit's center.
-    pub zoom: f32,
-    /// Held keys.
-    pub keys: Option<Keys>,
-    /// Whether the animation plays.
-    pub play: Option<bool>,
-    /// Returns the camera to the camera of the scene.
-    pub reset: bool,
-}
+/// Time for which a key moves the camera at once \[s\].
+const FIRST_STEP: f32 = 0.03;
 
 /// Camera and animation of a session.
 #[derive(Debug)]
@@ -86,7 +69,14 @@ impl LiveStage {
             camera.pan(Vec2::from_array(pan));
             camera.zoom(zoom);
         }
-        self.keys = keys.unwrap_or(self.keys);
+        if let Some(keys) = keys {
+            // Move at once when a key is pressed, so that the next picture shows it.
+            let pressed = Keys(keys.0 & !self.keys.0);
+            if pressed.move_camera() {
+                self.own_camera().walk(pressed, FIRST_STEP);
+            }
+            self.keys = keys;
+        }
         self.is_playing = play.unwrap_or(self.is_playing) && self.frames > 1;
     }
 

@@ -1,7 +1,7 @@
 //! The thread that renders: takes orders of a session, and publishes pictures.
 
 use super::shared::{Order, Session};
-use crate::error::{Error, Result};
+use crate::error::{LiveError, LiveResult};
 use crate::picture::{LiveLoop, LivePlans};
 use mpeg2enc::{AccessUnit, Container, Multiplexer};
 use pipeline::output::Output;
@@ -30,19 +30,19 @@ pub struct Recording {
 ///
 /// # Errors
 /// If the ending of the file's name is unknown, or the file cannot be written.
-pub fn record_file(path: &Path) -> Result<Recording> {
+pub fn record_file(path: &Path) -> LiveResult<Recording> {
     let container = Container::of(path).ok_or_else(|| unknown_ending(path))?;
     Ok(Recording { output: Output::create(path)?, container, multiplexer: None })
 }
 
 impl Recording {
-    fn write(&mut self, config: &mpeg2enc::Config, unit: AccessUnit) -> Result<()> {
+    fn write(&mut self, config: &mpeg2enc::Config, unit: AccessUnit) -> LiveResult<()> {
         let container = self.container;
         let multiplexer = self.multiplexer.get_or_insert_with(|| Multiplexer::new(container, config));
         Ok(self.output.write(&multiplexer.push(unit))?)
     }
 
-    fn finish(mut self) -> Result<()> {
+    fn finish(mut self) -> LiveResult<()> {
         if let Some(multiplexer) = self.multiplexer.take() {
             self.output.write(&multiplexer.finish(&SEQUENCE_END))?;
         }
@@ -68,19 +68,19 @@ impl<'a> Studio<'a> {
     ///
     /// # Errors
     /// If the encoder does not support the settings, or the recording cannot be written. The session then ends.
-    pub fn run(mut self, scene: &Scene, settings: &Settings) -> Result<()> {
+    pub fn run(mut self, scene: &Scene, settings: &Settings) -> LiveResult<()> {
         let result = self.render(scene, settings);
         self.session.end();
         let recorded = self.recording.map_or(Ok(()), Recording::finish);
         result.and(recorded)
     }
 
-    fn render(&mut self, scene: &Scene, settings: &Settings) -> Result<()> {
+    fn render(&mut self, scene: &Scene, settings: &Settings) -> LiveResult<()> {
         let plans = LivePlans::new(scene, settings);
         let session = self.session;
         std::thread::scope(|scope| {
             // Make the light of the scene on another thread.
-            let making = scope.spawn(|| -> Result<LiveLoop> {
+            let making = scope.spawn(|| -> LiveResult<LiveLoop> {
                 let mut live = LiveLoop::new(scene, settings, &plans)?;
                 live.make_ready();
                 session.improve();
@@ -99,7 +99,7 @@ impl<'a> Studio<'a> {
                 let mut live = LiveLoop::new(scene, &direct, &plans)?;
                 next = self.serve(&mut live, || making.is_finished())?;
             }
-            let mut live = making.join().map_err(|_| Error::Light)??;
+            let mut live = making.join().map_err(|_| LiveError::Light)??;
             if let Some(order) = next {
                 self.take(&mut live, &order)?;
             }
@@ -109,7 +109,7 @@ impl<'a> Studio<'a> {
 
     /// Renders ordered pictures until the session ends. Returns an order that another loop should take, because `ends`
     /// is true.
-    fn serve(&mut self, live: &mut LiveLoop, ends: impl Fn() -> bool) -> Result<Option<Order>> {
+    fn serve(&mut self, live: &mut LiveLoop, ends: impl Fn() -> bool) -> LiveResult<Option<Order>> {
         while let Some(order) = self.session.order() {
             if ends() {
                 return Ok(Some(order));
@@ -120,7 +120,7 @@ impl<'a> Studio<'a> {
     }
 
     /// Renders and publishes an ordered picture.
-    fn take(&mut self, live: &mut LiveLoop, order: &Order) -> Result<()> {
+    fn take(&mut self, live: &mut LiveLoop, order: &Order) -> LiveResult<()> {
         let picture = live.picture(order.request)?;
         self.session.publish(order, &picture);
         match &mut self.recording {
