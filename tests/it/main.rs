@@ -55,6 +55,8 @@ mod resume;
 mod rooms;
 mod samples;
 mod scale;
+#[cfg(unix)]
+mod serve;
 mod shading_normals;
 mod still;
 mod structure;

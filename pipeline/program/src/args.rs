@@ -7,6 +7,8 @@ use super::commands::join::Join;
 use super::commands::plan::Plan;
 use super::commands::reference::Reference;
 use super::commands::render::RenderArguments;
+#[cfg(feature = "serve")]
+use super::commands::serve::ServeArguments;
 use super::commands::still::StillArguments;
 use super::commands::sweep::Sweep;
 use super::commands::views::ViewsArguments;
@@ -29,6 +31,7 @@ Examples:
   render2mpeg render scenes/cornell/cornell.glb             a video and a report in the current folder
   render2mpeg still scene.glb -o picture.png                a single frame
   render2mpeg turntable scene.glb -o turn.mp4               the scene from all sides
+  render2mpeg serve scene.glb --open                        a walk through the scene, in a browser
   render2mpeg plan scene.glb                                what a film would run and cost
   render2mpeg bake scene.glb                                precomputed light for many films
   render2mpeg compare film.mpg film.y4m                     coding loss
@@ -57,6 +60,10 @@ pub enum Command {
     /// Render pictures from many sides, with their cameras, depths and normals, for 3D reconstruction
     #[command(after_help = examples::VIEWS)]
     Views(Box<ViewsArguments>),
+    /// Walk through a lit scene in a browser
+    #[cfg(feature = "serve")]
+    #[command(after_help = examples::SERVE)]
+    Serve(Box<ServeArguments>),
     /// Precompute the light of static geometry, for films with render --lighting baked
     #[cfg(feature = "bake")]
     #[command(after_help = examples::BAKE)]

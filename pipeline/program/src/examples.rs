@@ -63,6 +63,17 @@ pub const VIEWS: &str = "Examples:
 
 transforms.json lists size, focal length and camera-to-world matrix of each picture, as NeRF programs read it.";
 
+#[cfg(feature = "serve")]
+pub const SERVE: &str = "Examples:
+  render2mpeg serve scene.glb --open                            opens the scene in a browser
+  render2mpeg serve scene.glb --size 640x360 --bitrate 2M       larger pictures on a known line
+  render2mpeg serve scene.glb --listen 0.0.0.0                  for other machines, by a link with a token
+  render2mpeg serve scene.glb --record walk.mpg                 keeps all pictures as a video
+
+The first page controls the camera; up to --viewers pages watch. Keys, mouse and touch are listed in the page.
+Pictures are not encrypted: in untrusted networks, forward the port through ssh.
+Ctrl-C ends; exit codes are those of render.";
+
 pub const REFERENCE: &str = "Examples:
   render2mpeg reference scene.glb --frame 10 --spp 256 -o truth.exr
   render2mpeg reference scene.glb --spp 1024 -o picture.png     tone mapped for display

@@ -10,13 +10,14 @@ struct ProgramFeature {
     commands: &'static [&'static str],
 }
 
-const FEATURES: [ProgramFeature; 7] = [
+const FEATURES: [ProgramFeature; 8] = [
     ProgramFeature { name: "textures", is_built: cfg!(feature = "textures"), commands: &[] },
     ProgramFeature { name: "webp", is_built: cfg!(feature = "webp"), commands: &[] },
     ProgramFeature { name: "basis", is_built: cfg!(feature = "basis"), commands: &[] },
     ProgramFeature { name: "meshopt", is_built: cfg!(feature = "meshopt"), commands: &[] },
     ProgramFeature { name: "draco", is_built: cfg!(feature = "draco"), commands: &[] },
     ProgramFeature { name: "bake", is_built: cfg!(feature = "bake"), commands: &["bake"] },
+    ProgramFeature { name: "serve", is_built: cfg!(feature = "serve"), commands: &["serve"] },
     ProgramFeature { name: "mpi", is_built: cfg!(feature = "mpi"), commands: &[] },
 ];
 

@@ -127,6 +127,11 @@ fn run(command: Command) -> Result<ExitCode> {
             use_threads(arguments.threads)?;
             commands::reference::run(arguments)
         }
+        #[cfg(feature = "serve")]
+        Command::Serve(arguments) => {
+            use_threads(arguments.threads)?;
+            commands::serve::run(*arguments)
+        }
         Command::Still(arguments) => {
             use_threads(arguments.picture.threads)?;
             commands::still::run(*arguments)

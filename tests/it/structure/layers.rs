@@ -4,7 +4,7 @@ use super::{CRATES, root};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Crates, and names forbidden among their direct and indirect dependencies.
-const NEVER: [(&str, &[&str]); 14] = [
+const NEVER: [(&str, &[&str]); 15] = [
     ("support/lanes", &["glam", "rayon", "serde", "ranks", "plane"]),
     ("support/plane", &["glam", "rayon", "ranks", "render-core"]),
     ("support/threads", &["plane", "lanes", "ranks", "glam", "serde"]),
@@ -18,6 +18,7 @@ const NEVER: [(&str, &[&str]); 14] = [
     ("render-core", &["lighttree", "perceptual", "mpeg2enc", "pipeline"]),
     ("pipeline/loop", &["render-core", "lighttree", "mpeg2enc", "renderer", "clap", "image", "gltf", "minijinja"]),
     ("pipeline/renderer", &["mpeg2enc", "render2mpeg", "laboratory", "minijinja", "anyhow", "indicatif"]),
+    ("pipeline/live", &["laboratory", "program", "minijinja", "anyhow", "indicatif"]),
     ("pipeline/film", &["laboratory", "program", "minijinja", "anyhow", "indicatif", "csv"]),
 ];
 

@@ -14,7 +14,7 @@ mod words;
 use std::path::{Path, PathBuf};
 
 /// Folders of the program's crates.
-const CRATES: [&str; 16] = [
+const CRATES: [&str; 17] = [
     "support/lanes",
     "support/plane",
     "support/threads",
@@ -30,6 +30,7 @@ const CRATES: [&str; 16] = [
     "pipeline/renderer",
     "pipeline/film",
     "pipeline/laboratory",
+    "pipeline/live",
     "pipeline/program",
 ];
 

@@ -7,6 +7,8 @@ pub mod join;
 pub mod plan;
 pub mod reference;
 pub mod render;
+#[cfg(feature = "serve")]
+pub mod serve;
 pub mod shell;
 pub mod still;
 pub mod sweep;
