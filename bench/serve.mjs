@@ -90,28 +90,41 @@ async function rest(tab) {
   await tab.waitForFunction(() => performance.now() - window.drawn.at(-1).at > 500, null, { timeout: 60000 });
 }
 
+// Turns the camera to and fro for some seconds.
+async function sway(tab, seconds) {
+  const end = performance.now() + 1000 * seconds;
+  for (let k = 0; performance.now() < end; k++) {
+    const key = k % 2 ? "ArrowLeft" : "ArrowRight";
+    await tab.keyboard.down(key);
+    await pause(k ? 500 : 250);
+    await tab.keyboard.up(key);
+  }
+}
+
 async function keys(browser) {
   const { server, link } = await serve(0);
   const tab = await open(browser, link);
   await rest(tab);
-  const latencies = [];
+  const [latencies, waited, rendered] = [[], [], []];
   for (let k = 0; k < 40; k++) {
     await rest(tab);
     await tab.evaluate(() => (window.drawn = [window.drawn.at(-1)]));
     await tab.keyboard.down(k % 2 ? "ArrowLeft" : "ArrowRight");
     await tab.waitForFunction(() => window.drawn.slice(1).some(({ is_changed }) => is_changed));
-    latencies.push(await tab.evaluate(() => window.drawn.slice(1).find(({ is_changed }) => is_changed).at - window.pressed));
+    const first = await tab.evaluate(() => ({ ...window.drawn.slice(1).find(({ is_changed }) => is_changed), pressed: window.pressed }));
+    latencies.push(first.at - first.pressed);
+    waited.push(first.waited);
+    rendered.push(first.rendered);
     await tab.keyboard.up(k % 2 ? "ArrowLeft" : "ArrowRight");
   }
   await tab.evaluate(() => (window.drawn = [window.drawn.at(-1)]));
-  await tab.keyboard.down("ArrowRight");
-  await pause(4000);
-  await tab.keyboard.up("ArrowRight");
+  await sway(tab, 5);
   const drawn = await tab.evaluate(() => window.drawn);
   const moving = drawn.filter(({ moves }) => moves);
   const span = (moving.at(-1).at - moving[0].at) / 1000;
   console.log(JSON.stringify({
     keys: latencies.length, median_ms: quantile(latencies, 0.5), p95_ms: quantile(latencies, 0.95), worst_ms: Math.max(...latencies),
+    waited_ms: quantile(waited, 0.5), first_rendered_ms: quantile(rendered, 0.5),
     pictures_per_s: (moving.length - 1) / span, cpu_ms: 1000 * mean(moving.map(({ cpu }) => cpu)), rendered_ms: mean(moving.map(({ rendered }) => rendered)),
     decoded_ms: mean(moving.map(({ decoded }) => decoded)), quantiser: mean(moving.map(({ quantiser }) => quantiser)),
   }));
@@ -123,9 +136,7 @@ async function atRest(browser) {
   const tab = await open(browser, link);
   console.log(JSON.stringify({ first_picture_in_page_ms: performance.now() - at }));
   await rest(tab);
-  await tab.keyboard.down("ArrowRight");
-  await pause(1500);
-  await tab.keyboard.up("ArrowRight");
+  await sway(tab, 1.5);
   const released = await tab.evaluate(() => performance.now());
   await rest(tab);
   const drawn = await tab.evaluate(() => window.drawn.slice(-4));
@@ -146,12 +157,10 @@ async function lines(browser) {
     const address = new URL(link);
     address.port = relay.address().port;
     const tab = await open(browser, address.href);
-    await tab.keyboard.down("ArrowRight");
-    await pause(4000);
+    await sway(tab, 4);
     await tab.evaluate(() => (window.drawn = []));
-    await pause(6000);
+    await sway(tab, 6);
     const drawn = (await tab.evaluate(() => window.drawn)).filter(({ moves }) => moves);
-    await tab.keyboard.up("ArrowRight");
     const trips = drawn.map(({ roundTrip }) => roundTrip);
     console.log(JSON.stringify({
       rate, pictures_per_s: drawn.length / 6, quantiser: mean(drawn.map(({ quantiser }) => quantiser)),

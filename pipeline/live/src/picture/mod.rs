@@ -10,6 +10,7 @@ pub use ladder::{COARSEST, FINEST, coarser_than, nearest_quantiser};
 
 use crate::error::{LiveError, LiveResult};
 use mpeg2enc::{Packet, PictureType};
+use perceptual::RELATIVE_FLOOR;
 use pipeline::figures::Seconds;
 use pipeline::stage::{
     Coding, Display as _, Displayed, LastThresholds, LuminanceThresholds, Mask, Prepare, Shade, Shaded,
@@ -23,6 +24,9 @@ use renderer::settings::{RenderSettings, SampleCount};
 use renderer::{Moment, Preparation, Shading, exposure_of_lit_frames};
 use std::sync::Arc;
 use video::LiveVideo;
+
+/// Maximum permitted error of newly visible pixels, relative to luminance.
+const LARGEST_SHARE: f32 = 0.3;
 
 /// Stages for pictures in motion and for static views.
 #[derive(Clone, Debug)]
@@ -109,6 +113,8 @@ pub struct LiveLoop<'a> {
     video: LiveVideo,
     /// Thresholds of the last picture.
     thresholds: Option<LuminanceThresholds>,
+    /// Mean ratio of threshold to luminance in the last picture.
+    threshold_mean_relative: f64,
     /// Number of the next picture, from 0.
     index: u32,
 }
@@ -135,6 +141,7 @@ impl<'a> LiveLoop<'a> {
             mask: masks.then(|| Masking::new(settings)).transpose()?,
             video: LiveVideo::new(settings)?,
             thresholds: None,
+            threshold_mean_relative: 0.0,
             index: 0,
         })
     }
@@ -167,9 +174,14 @@ impl<'a> LiveLoop<'a> {
             Detail::Fine => &self.plans.fine,
         });
         self.shade.set_quantiser_scale(quantiser_scale);
+        // Newly visible pixels have no threshold; permit the mean error of the last picture.
+        let share = (self.threshold_mean_relative as f32).clamp(RELATIVE_FLOOR, LARGEST_SHARE);
+        self.shade.set_share_elsewhere(share);
         let known = prepared.correspondence.clone();
         let last = LastThresholds::new(index, self.thresholds.as_ref(), known.as_deref());
         let shaded = self.shade.step(&prepared, last);
+
+        self.threshold_mean_relative = shaded.figures.threshold_mean_relative;
 
         // Show and code it, with the exact motion from the previous picture.
         let Shaded { figures, .. } = &shaded;

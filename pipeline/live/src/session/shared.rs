@@ -21,6 +21,8 @@ const PATIENCE: Duration = Duration::from_secs(3);
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 /// Wait between looks at a session that has something to do.
 const SHORT_WAIT: Duration = Duration::from_millis(4);
+/// Time without input before all light of a static view is computed again. Such a picture takes long.
+const CALM: Duration = Duration::from_millis(200);
 /// Coarsest quantiser at which pictures in motion have smooth outlines.
 const FINE_MOTION: u32 = 3;
 
@@ -88,6 +90,8 @@ struct SessionState {
     input: u32,
     /// Arrival of the first input that no picture contains.
     input_at: Option<Duration>,
+    /// Time from which long pictures may be rendered.
+    calm: Duration,
     sequence: u32,
     has_ended: bool,
 }
@@ -117,6 +121,7 @@ impl Session {
             due: Duration::ZERO,
             input: 0,
             input_at: None,
+            calm: Duration::ZERO,
             sequence: 0,
             has_ended: false,
         };
@@ -222,7 +227,7 @@ impl Session {
                 return Some(order);
             }
             // Look again soon while something moves or a picture is on its way.
-            let waits = state.stage.is_moving() || state.due > now || state.viewers.needs_time();
+            let waits = state.stage.is_moving() || state.due.max(state.calm) > now || state.viewers.needs_time();
             let wait = if waits { SHORT_WAIT } else { LONGEST_WAIT };
             state = self.changed.wait_timeout(state, wait).unwrap_or_else(PoisonError::into_inner).0;
         }
@@ -266,6 +271,7 @@ impl SessionState {
         self.stage.control(now, controls);
         self.input = number;
         self.input_at.get_or_insert(now);
+        self.calm = now + CALM;
     }
 
     fn set_limits(&mut self, id: ViewerId, bits_per_second: Option<u32>, best: Option<u32>) {
@@ -297,6 +303,7 @@ impl SessionState {
             (false, false) => PictureKind::Resting,
         };
         let request = match step {
+            Some(step) if step.is_fresh && now < self.calm && !is_intra => return None,
             Some(step) if !is_intra => PictureRequest {
                 detail: Detail::Fine,
                 is_fresh: step.is_fresh,

@@ -91,6 +91,8 @@ const MATTE_RAYS: usize = 16;
 pub struct Shading<'a> {
     settings: RenderSettings,
     plan: &'a Plan,
+    /// Permitted fraction of luminance for pixels without a threshold.
+    share_elsewhere: f32,
     layers: Layers,
     /// Poses of the instances in the previous frame; empty before the first frame.
     places: Vec<Option<InstancePose>>,
@@ -131,6 +133,7 @@ impl<'a> Shading<'a> {
         Self {
             settings: settings.clone(),
             plan,
+            share_elsewhere: settings.thresholds.share_elsewhere(),
             layers,
             places: Vec::new(),
             still: None,
@@ -158,6 +161,12 @@ impl<'a> Shading<'a> {
     /// Adapts the permitted error of reprojected light to the quantiser_scale of the next frames, 1…112.
     pub fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
         self.layers.set_quantiser_scale(quantiser_scale);
+    }
+
+    /// Sets the permitted fraction of luminance for pixels without a threshold, such as newly visible ones. Films use
+    /// 2 %.
+    pub fn set_share_elsewhere(&mut self, share: f32) {
+        self.share_elsewhere = share;
     }
 
     /// Uses another plan of the same scene from the next frame on. It may differ from the plan so far in the stages
@@ -216,7 +225,8 @@ impl<'s> Shade<Frame<'s>> for Shading<'_> {
         // Multiply thresholds by the calibration from earlier frames.
         let mut calibration = self.calibration.take();
         let RenderSettings { thresholds: policy, size, kappa, .. } = self.settings;
-        let mut tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
+        let tolerance = Tolerance::new(thresholds, policy, size, calibration.as_ref());
+        let mut tolerance = tolerance.with_share_elsewhere(self.share_elsewhere);
 
         // Keep the importance map with which reused light was computed.
         let is_still = self.still.as_ref().is_some_and(|still| still.is_of(&prepared.frame));

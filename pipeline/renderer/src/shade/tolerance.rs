@@ -88,6 +88,12 @@ impl<'a> Tolerance<'a> {
         Self { thresholds, share, luminance_before: None, calibration: None, gain: None }
     }
 
+    /// Sets the fraction s of luminance for pixels without a threshold.
+    #[must_use]
+    pub fn with_share_elsewhere(self, share: f32) -> Self {
+        Self { share, ..self }
+    }
+
     /// Divides all permitted errors by a positive gain per pixel.
     ///
     /// # Panics
