@@ -210,7 +210,6 @@ impl<'a> LiveLoop<'a> {
     }
 
     /// Returns the configuration of the encoder.
-    #[must_use]
     pub fn encoder_config(&self) -> &mpeg2enc::Config {
         self.video.config()
     }
