@@ -2,9 +2,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, ExitStatus, Output, Stdio};
-use std::time::{Duration, Instant};
-use tests::{Moving, assert_fails, checkered_room, program, render, render2mpeg, sorted_names, start_until_checkpoint};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+use tests::{
+    Moving, assert_fails, checkered_room, ended, program, render, render2mpeg, sorted_names, start_until_checkpoint,
+};
 
 const SMALL: &str = "--size 48x48 --vpls 60 --photons 1000";
 
@@ -93,17 +95,6 @@ fn a_checkpoint_that_cannot_be_written_ends_no_film() {
     assert!(fs::read(folder.join("film.m2v")).unwrap() == truth.stream);
 }
 
-fn wait(child: &mut Child) -> ExitStatus {
-    let begin = Instant::now();
-    loop {
-        if let Some(status) = child.try_wait().expect("a child") {
-            return status;
-        }
-        assert!(begin.elapsed() < Duration::from_secs(120), "it does not end");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-}
-
 #[test]
 fn two_runs_do_not_write_to_one_file() {
     let folder = folder_with_room();
@@ -117,6 +108,6 @@ fn two_runs_do_not_write_to_one_file() {
         assert_fails(folder, &[&words[..], more].concat(), &["film.m2v", expected]);
         assert_eq!(first.try_wait().unwrap(), None, "{more:?}: the first run was over too early");
     }
-    assert!(wait(&mut first).success());
+    assert!(ended(&mut first, Duration::from_secs(120)).success());
     assert!(fs::read(folder.join("film.m2v")).unwrap() == truth.stream);
 }

@@ -5,7 +5,7 @@ use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
-use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, program, sorted_names, tolerant_frame_count};
+use tests::{cornell, decode_ffmpeg, decode_mpeg2dec, ended, program, sorted_names, tolerant_frame_count};
 
 const SIZE: (usize, usize) = (128, 128);
 /// Limit for a run that would otherwise not end.
@@ -58,14 +58,7 @@ impl Film {
     }
 
     fn wait(&mut self) -> ExitStatus {
-        let start = Instant::now();
-        loop {
-            if let Some(status) = self.child.try_wait().expect("a child") {
-                return status;
-            }
-            assert!(start.elapsed() < DEADLINE, "it does not end");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        ended(&mut self.child, DEADLINE)
     }
 }
 

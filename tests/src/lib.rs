@@ -23,7 +23,7 @@ pub use exchange::Exchange;
 pub use glb::{Ball, Glb, Moving, Quad, checkered_room, furnace, textured_square};
 pub use hostile::{Hostile, Random, damaged, hostile_scenes};
 pub use program::{
-    Finished, Rendered, assert_fails, cornell, program, render, render2mpeg, shared_scenes, sorted_names,
+    Finished, Rendered, assert_fails, cornell, ended, program, render, render2mpeg, shared_scenes, sorted_names,
     start_until_checkpoint,
 };
 pub use replay::{correspondences, encode, load, render_as_coded};

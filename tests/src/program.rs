@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -54,6 +54,21 @@ pub fn start_until_checkpoint(folder: &Path, arguments: &[&str], film: &str) -> 
         std::thread::sleep(Duration::from_millis(1));
     }
     child
+}
+
+/// Waits for the end of a process, and returns its status.
+///
+/// # Panics
+/// If the process does not end within `deadline`.
+pub fn ended(child: &mut Child, deadline: Duration) -> ExitStatus {
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().expect("a child") {
+            return status;
+        }
+        assert!(begin.elapsed() < deadline, "it does not end");
+        std::thread::sleep(Duration::from_millis(5));
+    }
 }
 
 /// Finished film.

@@ -1,26 +1,16 @@
-//! Quantisers of pictures on demand: the values of both tables of the standard, in ascending order.
+//! Quantisers of pictures on demand.
 
-/// Finest quantiser_scale.
-pub const FINEST: u32 = 1;
+use mpeg2enc::quantiser_scale_code;
+
 /// Coarsest quantiser_scale.
 pub const COARSEST: u32 = 112;
-
-/// Values of quantiser_scale: even values to 62, and the non-linear ones (13818-2, Table 7-6).
-const LADDER: [u32; 42] = [
-    1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30, 32, 34, 36, 38, 40, 42, 44, 46, 48, 50, 52, 54,
-    56, 58, 60, 62, 64, 72, 80, 88, 96, 104, 112,
-];
 
 /// Returns the finest existing quantiser_scale that is at least `quantiser`, or the coarsest one. NaN is the coarsest.
 #[must_use]
 pub fn nearest_quantiser(quantiser: f64) -> u32 {
-    LADDER.into_iter().find(|&scale| f64::from(scale) >= quantiser).unwrap_or(COARSEST)
-}
-
-/// Returns the next coarser quantiser_scale, or the coarsest one.
-#[must_use]
-pub fn coarser_than(quantiser_scale: u32) -> u32 {
-    nearest_quantiser(f64::from(quantiser_scale) + 1.0)
+    // The conversion saturates, so values below 1 become 0, which does not exist.
+    let least = if quantiser.is_nan() { COARSEST } else { quantiser.ceil() as u32 };
+    (least..COARSEST).find(|&scale| quantiser_scale_code(scale).is_ok()).unwrap_or(COARSEST)
 }
 
 #[cfg(test)]
@@ -28,14 +18,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_value_exists_in_a_table_of_the_standard() {
-        assert!(LADDER.is_sorted());
-        for scale in LADDER {
-            assert!(mpeg2enc::quantiser_scale_code(scale).is_ok(), "{scale}");
-        }
-        assert_eq!((LADDER[0], LADDER[41]), (FINEST, COARSEST));
-        let around = [0.0, 8.2, 62.5, 105.0, 500.0, f64::NAN].map(nearest_quantiser);
-        assert_eq!(around, [1, 10, 64, 112, 112, 112]);
-        assert_eq!((coarser_than(8), coarser_than(112)), (10, 112));
+    fn quantisers_are_rounded_up_to_existing_ones() {
+        assert!(quantiser_scale_code(COARSEST).is_ok() && quantiser_scale_code(COARSEST + 1).is_err());
+        let around = [-3.0, 0.0, 8.2, 62.5, 105.0, 112.0, 500.0, f64::INFINITY, f64::NAN].map(nearest_quantiser);
+        assert_eq!(around, [1, 1, 10, 64, 112, 112, 112, 112, 112]);
     }
 }

@@ -6,7 +6,7 @@
 mod ladder;
 mod video;
 
-pub use ladder::{COARSEST, FINEST, coarser_than, nearest_quantiser};
+pub use ladder::{COARSEST, nearest_quantiser};
 
 use crate::error::{LiveError, LiveResult};
 use mpeg2enc::{Packet, PictureType};
@@ -181,12 +181,11 @@ impl<'a> LiveLoop<'a> {
         let last = LastThresholds::new(index, self.thresholds.as_ref(), known.as_deref());
         let shaded = self.shade.step(&prepared, last);
 
-        self.threshold_mean_relative = shaded.figures.threshold_mean_relative;
-
         // Show and code it, with the exact motion from the previous picture.
         let Shaded { figures, .. } = &shaded;
         let mut seconds = figures.seconds.clone();
         let (shaded_share, threshold_mean_relative) = (figures.shaded_share, figures.threshold_mean_relative);
+        self.threshold_mean_relative = threshold_mean_relative;
         let begin = process_seconds();
         let shown = self.display.show(if is_first { 0 } else { index }, &shaded);
         let is_shown = process_seconds();
