@@ -71,7 +71,10 @@ pub(super) fn below_coats(seen: &GBuffer, surfaces: &Surfaces) -> GBuffer {
         Some(coated) => PixelSurface { albedo: coated.diffuse_albedo().into(), ..pixel },
         None => pixel,
     });
-    GBuffer { pixels, ..seen.clone() }
+    // Naming all fields avoids a copy of the pixels.
+    let GBuffer { pixels: _, view, world, deformed, layered, through } = seen;
+    let (world, deformed) = (world.clone(), deformed.clone());
+    GBuffer { pixels, view: *view, world, deformed, layered: layered.clone(), through: through.clone() }
 }
 
 /// Layer of light that coats reflect toward the viewer by single scattering.
