@@ -29,7 +29,7 @@ mod swept;
 pub mod image_file;
 pub mod sampling;
 
-pub use accel::{Accelerator, Geometry, Hit, PACKET, Shaft};
+pub use accel::{Accelerator, Geometry, Hit, Layered, PACKET, Shaft, SheetHit};
 pub use anchor::{Anchor, AnchorSpread, Anchors, DynamicAnchor, Moved, ZoneSearch, Zones};
 #[cfg(feature = "bake")]
 pub use atlas::{

@@ -29,6 +29,7 @@ mod triangles;
 pub use geometry::Geometry;
 pub use packet::PACKET;
 pub use shaft::Shaft;
+pub use sheets::{Layered, SheetHit};
 pub(crate) use sheets::{RayCone, Shadows};
 
 use crate::ranks::portable;

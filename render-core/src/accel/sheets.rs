@@ -63,6 +63,16 @@ pub struct SheetHit {
     pub opacity: f32,
 }
 
+/// Surfaces along a ray through sheets.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Layered {
+    /// Sheets with a partial opacity, front to back.
+    pub sheets: Vec<SheetHit>,
+    /// First opaque surface, or `None` for the sky.
+    pub end: Option<Hit>,
+}
+
 /// Footprint of a camera ray, of width `at_origin + slope · distance` \[m\].
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct RayCone {
@@ -85,6 +95,24 @@ impl Accelerator {
     /// without sheets stops rays only at fully opaque surfaces.
     pub(crate) fn without_sheets(&self) -> Option<&[Self; 2]> {
         self.views.as_ref()?.solid.as_ref()
+    }
+
+    /// Returns all surfaces along a ray from `origin` in the unit direction `direction`, or `None` if the scene has no
+    /// sheets. The ray's width is `width` at the origin \[m\] and grows by `slope` per meter.
+    ///
+    /// [`closest`](Self::closest) returns one of these surfaces, chosen by opacity: the noise of a few such rays is
+    /// visible.
+    #[must_use]
+    pub fn layered(&self, origin: Vec3A, direction: Vec3A, width: f32, slope: f32) -> Option<Layered> {
+        let [solid, sheets] = self.without_sheets()?;
+        let mut end = solid.closest(origin, direction);
+        let distance = end.map_or(f32::MAX, |hit| hit.distance);
+        let mut sheets = sheets.layers(origin, direction, distance, RayCone { at_origin: width, slope });
+        // An opaque sheet ends the ray.
+        if let Some(last) = sheets.pop_if(|last| last.opacity >= 1.0) {
+            end = Some(last.hit);
+        }
+        Some(Layered { sheets, end })
     }
 
     /// Returns the sheets along the ray from `origin` in the unit direction `direction` up to `distance` \[m\], front

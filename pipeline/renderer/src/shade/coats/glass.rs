@@ -6,8 +6,9 @@
 //! Both rays are deterministic, so smooth glass has no noise. Rough glass averages several refracted rays. Branches with
 //! a small fraction of the pixel's light are not followed. Volumes may be nested ([`Media`](render_core::Media)).
 
+use super::along::FAINT_SHARE;
 use super::coated::{Coated, Points};
-use super::reflections::{FAINT_SHARE, Passed, ReflectedRay, Reflections};
+use super::reflections::{Passed, ReflectedRay, Reflections};
 use glam::{Vec3, Vec3A};
 use render_core::{Hit, ShadingPoint, Surface, luminance};
 

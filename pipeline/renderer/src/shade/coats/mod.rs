@@ -29,6 +29,7 @@
 //! lightcut. A smooth coat within a smooth coat reflects light sources by its lobe, and all other light in the mirror
 //! direction.
 
+mod along;
 mod coated;
 mod glass;
 mod neighbors;

@@ -1,25 +1,15 @@
 //! Reflection rays, which compute the radiance that arrives at a coat.
 
+use super::along::LEAST_SHARE;
 use super::coated::{Coated, Points};
 use crate::frame::Frame;
 use crate::shade::visibility::sees;
 use glam::{Vec2, Vec3, Vec3A};
 use lighttree::{Lambert, Light, Scratch, Stop};
 use ranks::portable;
-use render_core::{
-    Environment, Hit, LightPoints, LobeLight, Media, PosedScene, ShadingPoint, Surface, Traced, luminance,
-};
+use render_core::{Environment, Hit, LightPoints, LobeLight, Media, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
-/// Maximum number of coats through which a ray is followed.
-const MOST_COATS: usize = 4;
-/// Minimum fraction of the pixel's light that the reflection of a coat must have to be followed, if the first coat is
-/// smooth.
-const LEAST_SHARE: f32 = 0.02;
-/// Minimum fraction of the pixel's light if the first coat is rough, for smooth and for rough coats within it. With
-/// these values, rays are followed from metal to metal, and rarely otherwise. With 0.1 for both, a closed room of metal
-/// with roughness 0.5 has 1 % less light.
-const LEAST_SHARE_IN_ROUGH: [f32; 2] = [0.1, 0.3];
 /// Permitted error of a cluster in a lightcut for a single reflection ray, as a fraction of luminance.
 const LOOSE: f32 = 0.1;
 /// Maximum permitted error of a cluster in a lightcut for a reflection ray, as a fraction of luminance.
@@ -64,10 +54,6 @@ portable!(Brought { rays, nearness, weights, light, excess, squares });
 
 /// Number of rays that determine the light of a pixel, with the rays of nearby pixels.
 const SHARED_RAYS: f32 = 16.0;
-/// Fraction of the pixel's light below which surfels suffice for the light of surfaces. Reflections at normal incidence
-/// have 0.04.
-pub(super) const FAINT_SHARE: f32 = 0.15;
-
 impl Brought {
     /// Returns `rays` rays of weight 1 with the mean light of a lobe.
     pub fn of_lobe(rays: u32, light: &LobeLight) -> Self {
@@ -269,81 +255,6 @@ impl Reflections<'_> {
     pub fn sky(&self, direction: Vec3A) -> Vec3 {
         let sky = self.prepared.surfaces.scene().sky.as_ref().and_then(Environment::beside_lamps);
         sky.map_or(Vec3::ZERO, |sky| sky.radiance(direction.into()))
-    }
-
-    /// Returns the radiance that arrives at a coat along a ray from `origin`, as [`along`](Self::along) does. `blurred`
-    /// is whether the coat is rough, and `passed` are the transparent surfaces before the ray.
-    pub fn along_from(&mut self, origin: Vec3A, ray: ReflectedRay, blurred: bool, passed: &Passed) -> (Vec3, f32) {
-        // Follow the ray through coats until the contribution is small.
-        let Frame { accelerator, surfaces, direct, gather, epsilon, .. } = self.prepared;
-        let scene = surfaces.scene();
-        // The light of a studio is smooth, so surfels suffice for faint reflections.
-        let in_studio = scene.ground.is_some();
-        let (mut origin, mut direction, mut throughput) = (origin, ray.direction, Vec3::ONE);
-        let mut sum = Vec3::ZERO;
-        // Store the roughness of the last coat that the ray has left.
-        let mut rough = blurred;
-        let (mut way, mut first) = (0.0, f32::INFINITY);
-        for coats in 0..=MOST_COATS {
-            // Find the next surface on the ray's path, or the sky.
-            let Some(hit) = accelerator.closest(origin, direction) else {
-                return (sum + throughput * self.sky(direction), first);
-            };
-            throughput *= passed.media.transmittance(hit.distance);
-            way += hit.distance;
-            first = first.min(way);
-            let surface = surfaces.at(&hit, direction, ray.spread * way);
-
-            // Add the emission of the surface, unless it is counted elsewhere.
-            let unlit = scene.materials[scene.meshes[scene.instances[hit.instance as usize].mesh].material].unlit;
-            // Only the camera sees unlit materials, as in path tracing. Rough coats have added sampled area lights
-            // already.
-            let is_sampled = rough && direct.samples_instance(hit.instance);
-            if !unlit && !is_sampled {
-                sum += throughput * surface.emission;
-            }
-            if unlit || (!surface.front && !surface.double_sided) {
-                break;
-            }
-
-            // Continue on both sides of transparent surfaces.
-            let onward = ReflectedRay { direction, share: ray.share * luminance(throughput), ..ray };
-            if let Some(light) = self.through(&hit, &surface, onward, passed) {
-                return (sum + throughput * light, first);
-            }
-            let met = Coated::of_hit(&surface, &hit, direction, None, *epsilon);
-
-            // Follow a coat while its reflection is a large enough fraction of the pixel's light.
-            let (coat, diffuse) = (met.mirror_albedo(), met.diffuse_albedo());
-            let share = ray.share * luminance(throughput);
-            let is_metal = luminance(coat) > luminance(diffuse);
-            let least_share = if blurred { LEAST_SHARE_IN_ROUGH[usize::from(met.is_rough())] } else { LEAST_SHARE };
-            let is_small = share * luminance(coat) < least_share || (blurred || met.is_rough()) && !is_metal;
-            let ends = coats == MOST_COATS || coat == Vec3::ZERO || is_small && !ray.is_kept;
-
-            // Light the base. A coat that is not followed reflects as a portion of the base.
-            let albedo = if ends { diffuse + coat } else { diffuse };
-            sum += throughput
-                * if let Some(irradiance) = self.known.and_then(|known| known(&hit, &surface)) {
-                    albedo / PI * irradiance
-                } else if blurred || ray.is_faint || in_studio && share < FAINT_SHARE {
-                    gather.surfel_radiance(PosedScene::new(accelerator, surfaces), &surface, hit.instance)
-                        * (luminance(albedo) / luminance(diffuse + coat).max(f32::MIN_POSITIVE))
-                } else {
-                    self.matte(&met.receiver, albedo, Self::loose(share / (ray.rays as f32).sqrt()))
-                };
-            if ends {
-                break;
-            }
-
-            // Add light sources by the coat's lobe; all other light comes from the mirror direction.
-            sum += throughput * self.sources(&met);
-            throughput *= coat;
-            let Some(next) = met.mirrored() else { break };
-            (origin, direction) = (met.receiver.position, next);
-            rough = met.is_rough();
-        }
-        (sum, first)
     }
 
     /// Adds the shadow rays of a result to the count, and returns the result's value.

@@ -11,7 +11,7 @@ use plane::Correspondence;
 use render_core::Environment;
 use render_core::sampling::{concentric_disc, frame, sobol_point};
 use render_core::scene::{
-    Camera, Gradient, Instance, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
+    Alpha, Camera, Gradient, Instance, Material, Mesh, Node, Projection, PunctualKind, PunctualLight, Scene, Transform,
 };
 use std::f32::consts::PI;
 
@@ -295,4 +295,30 @@ fn matte_scenes_stay_as_they_are_to_the_last_bit() {
     let (without, with) = (lit(State::Off), lit(State::On));
     assert!(without.samples().iter().all(|rgb| rgb[0] > 0.0));
     assert_eq!(without, with);
+}
+
+/// A mirror below glowing sheets shows each sheet with its opacity, and the sky behind them with the rest. Every pixel has
+/// the same light: α₁ L₁ + (1 − α₁) (α₂ L₂ + (1 − α₂) L_sky).
+#[test]
+fn a_mirror_shows_sheets_by_their_opacity() {
+    let sheet = |height: f32, opacity: f32, radiance: f32| {
+        let material = Material { alpha: Alpha::Blend, opacity, double_sided: true, ..glowing(radiance) };
+        ([Vec3::new(-50.0, height, -50.0), Vec3::new(100.0, 0.0, 0.0), Vec3::new(0.0, 0.0, 100.0)], material)
+    };
+    for roughness in [0.0, 0.1] {
+        let (near, far) = (sheet(4.0, 0.3, 5.0), sheet(6.0, 0.6, 0.5));
+        let stage = Stage::seen_from(Vec3::new(0.0, 3.0, 3.0), 0.8).with(FLOOR, metal(Vec3::ONE, roughness));
+        let stage = stage.with(near.0, near.1).with(far.0, far.1).under_a_sky(2.0);
+        let (light, seen) = stage.reflected();
+        let expected = 0.3 * 5.0 + 0.7 * (0.6 * 0.5 + 0.4 * 2.0);
+        for (x, y) in places(0..SIDE, 0..SIDE) {
+            let albedo = stage.coated(&seen, x, y).expect("the plate fills the image").albedo();
+            let got = light.get(x, y);
+            assert!(
+                (got - expected * albedo).abs().max_element() < 1e-3,
+                "{got} is not {} at {x} {y}",
+                expected * albedo
+            );
+        }
+    }
 }
