@@ -62,6 +62,7 @@ use super::frame::{Frame, PreparedFrame};
 use crate::plan::{Plan, Stage, State};
 use crate::settings::{Aov, RenderSettings, Stopping};
 use channels::{Known, colors};
+use fine::even_out_points;
 use glam::Vec3;
 use importance::{ImportanceMap, Looking, SeenLight};
 #[cfg(feature = "bake")]
@@ -412,6 +413,7 @@ impl Shading<'_> {
 
             // Add further samples where this one is not enough.
             if self.plan.is_on(Stage::FineSamples) {
+                even_out_points(&mut lit.samples[0].indirect, visible.matte);
                 lit.coverage = self.coverage(frame, &lit.samples[0], false, &lit.visibility);
                 self.light_finer(prepared, common, &of_sample, &mut lit);
             }

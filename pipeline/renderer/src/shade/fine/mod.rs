@@ -7,15 +7,17 @@
 //! ```
 //! The first sample is at the center. Further samples compute direct light and reflections in smooth coats, with a
 //! quarter of the points and rays, because a pixel has at least four. Other light varies slowly, and comes from the first
-//! samples (`first.rs`). A pixel shows the mean of its samples after tone
+//! samples (`first.rs`), without isolated points (`isolated.rs`). A pixel shows the mean of its samples after tone
 //! mapping, like the surfaces in a pixel at an outline.
 
 mod first;
+mod isolated;
 mod rough;
 
 use super::sample::Sample;
 pub(super) use first::FirstSample;
 use glam::Vec3;
+pub(super) use isolated::even_out_points;
 use perceptual::PixelFragment;
 use pipeline::stage::Outline;
 use plane::Plane;
