@@ -1,6 +1,6 @@
 """Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf|fidelity|models [--quick|--full] [options].
 
-Quick, the default, takes five minutes on two processors and reports the reliability of its figures.
+Quick, the default, takes about five minutes of CPU time and reports the reliability of its figures.
 Full makes the tables of the documentation; for bits, larger films.
 README.md in this folder describes each measurement.
 """
@@ -48,7 +48,7 @@ def parser():
         summary = module.__doc__.splitlines()[0].replace("%", "%%")
         command = commands.add_parser(name, help=summary, description=module.__doc__, formatter_class=style)
         extent = command.add_mutually_exclusive_group()
-        extent.add_argument("--quick", action="store_true", help="an answer in five minutes, the default")
+        extent.add_argument("--quick", action="store_true", help="an answer in about five minutes of CPU time, the default")
         extent.add_argument("--full", action="store_true", help="the tables of the documentation, or larger films")
         module.add_options(command)
     return whole

@@ -5,6 +5,7 @@
 Uncoupled: --thresholds fixed:0.02 --shading full. Coupled: the default. Both run alternately.
 
     ratio       CPU seconds per frame, uncoupled divided by coupled, without frames 0 to 2
+    documented  the ratio in docs/data/coupling.csv, which README.md quotes, for the scene at this size and quantiser
     program     CPU seconds of whole programs, uncoupled divided by coupled, including loading and frames 0 to 2
     decoded     luma PSNR of the decoded film against a fine film of the same scene, before coding
     flicker     mean change of luma between frames of decoded films
@@ -13,6 +14,7 @@ The fine film has --qscale 1 --thresholds fixed:0.005 --shading full. --full add
 the difference between the two films, and the fraction of pixels with reprojected light. The measurement requires ffmpeg.
 """
 
+import csv
 import json
 import tempfile
 from dataclasses import dataclass
@@ -23,11 +25,13 @@ import pairs
 import presets
 import references
 import tables
-from running import Failure, add_program, need_files, need_installed, need_program, run
+from running import ROOT, Failure, add_program, need_files, need_installed, need_program, run
 
 UNCOUPLED = ["--thresholds", "fixed:0.02", "--shading", "full"]
 COUPLED = []
 FINE = ["--qscale", "1", "--thresholds", "fixed:0.005", "--shading", "full"]
+# Ratios that the documents quote.
+DOCUMENTED = ROOT / "docs" / "data" / "coupling.csv"
 # First frame included in CPU seconds.
 FIRST = 3
 QUICK = {
@@ -103,6 +107,7 @@ class Measured:
     decoded: list
     flickers: list
     before_coding: dict
+    documented: str
 
     def ratio(self, value):
         """Returns the ratio of a value, uncoupled by coupled, over all pairs."""
@@ -120,6 +125,7 @@ class Measured:
             "uncoupled, CPU s": f"{seconds[0]:.3f}",
             "coupled, CPU s": f"{seconds[1]:.3f}",
             "ratio": self.ratio(lambda film: film.seconds),
+            "documented": self.documented,
             "program": self.ratio(lambda film: film.cpu),
             "decoded, uncoupled": tables.decibels(psnr[0]),
             "decoded, coupled": tables.decibels(psnr[1]),
@@ -144,6 +150,15 @@ def frames_before_coding(options, alone, coupled):
     }
 
 
+def documented(scene, size, frames, qscale):
+    """Returns the documented ratio of a row; a dash if the documents do not have it."""
+    with open(DOCUMENTED, newline="") as file:
+        for row in csv.DictReader(file):
+            if (row["scene"], row["size"], row["frames"], row["quantiser"]) == (scene.stem, size, str(frames), str(qscale)):
+                return row["ratio"]
+    return "–"
+
+
 def measure(options, scene, qscale, budget, limit):
     """Measures a row: alternating films, then figures of their pictures, which are equal in each pair."""
     with tempfile.TemporaryDirectory() as folder:
@@ -158,7 +173,8 @@ def measure(options, scene, qscale, budget, limit):
         likenesses = [figures.compare(options.program, film, fine) for film in shown]
         flickers = [figures.flicker(film) for film in shown]
         before = frames_before_coding(options, *films[0]) if options.full else {}
-        return Measured(scene, qscale, films, likenesses, flickers, before)
+        known = documented(scene, options.size, options.frames, qscale)
+        return Measured(scene, qscale, films, likenesses, flickers, before, known)
 
 
 def main(options):
@@ -174,7 +190,7 @@ def main(options):
         fine_film(options, scene)
     rows = [(scene, qscale) for scene in options.scenes for qscale in presets.numbers(options.qscale)]
     budget, ratios = pairs.Budget(options), {}
-    for (scene, qscale), share in budget.shares(rows, lambda row: f"{row[0].stem}, quantiser {row[1]}"):
+    for (scene, qscale), share in budget.shares(rows):
         measured = measure(options, scene, qscale, budget, share)
         cells = measured.cells()
         if not ratios:

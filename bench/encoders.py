@@ -131,7 +131,7 @@ def speed(options, clip, budget):
         work = lambda encoder: lambda: encode(encoder, long, SPEED_POINT, out)  # noqa: E731
         print(f"\nFrames a CPU second, {long.frames} frames of {clip.name}, and times those of {commands.DEFAULT}\n")
         print(tables.header(["encoder", "pairs", "frames/s", "times ffmpeg"]))
-        for (name, encoder), share in budget.shares(encoders.items(), lambda item: item[0]):
+        for (name, encoder), share in budget.shares(encoders.items()):
             found = budget.in_turns(work(base), work(encoder), options.pairs, share)
             ratio = pairs.Spread([theirs / own for theirs, own in found])
             rate = long.frames / pairs.Spread([own for _, own in found]).median

@@ -224,7 +224,7 @@ def main(options):
 
     options.prepared = {} if options.full else {name: prepared(name, options) for name in options.only}
     found, text, summary, budget = {}, [], [], pairs.Budget(options)
-    for name, share in budget.shares(options.only, str):
+    for name, share in budget.shares(options.only):
         if options.full:
             options.prepared = {name: prepared(name, options)}
         turns = measured(name, options, budget, share)

@@ -86,7 +86,7 @@ def quick(options):
     need_files(scenes)
     print(tables.header(TITLES))
     budget = pairs.Budget(options)
-    for scene, share in budget.shares(scenes, lambda scene: scene.stem):
+    for scene, share in budget.shares(scenes):
         # Baseline and method alternate within each sweep, frame by frame.
         turns = budget.in_turns(lambda: swept(options, scene), lambda: None, options.repeats, share)
         found = [both for both, _ in turns]
