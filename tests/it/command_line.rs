@@ -116,6 +116,7 @@ fn a_file_has_every_option_and_the_command_line_overrides_it() {
         let without = [
             "allow-outside",
             "config",
+            "display-server",
             "print-config",
             "resume",
             "help",

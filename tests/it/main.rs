@@ -22,6 +22,8 @@ mod decode;
 mod determinism;
 #[cfg(target_os = "linux")]
 mod disk;
+#[cfg(unix)]
+mod display_server;
 mod errors;
 mod extremes;
 #[cfg(unix)]

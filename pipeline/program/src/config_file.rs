@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Options that files may not contain, because they belong to a single invocation rather than to a film.
-const NOT_IN_FILES: [&str; 11] = [
+const NOT_IN_FILES: [&str; 12] = [
     "allow-outside",
     "config",
+    "display-server",
     "print-config",
     "resume",
     "help",

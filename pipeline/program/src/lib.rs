@@ -23,6 +23,7 @@ macro_rules! tell {
 mod args;
 mod commands;
 mod config_file;
+mod display_server;
 mod examples;
 mod features;
 mod foreign;

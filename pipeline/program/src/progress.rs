@@ -28,6 +28,16 @@ impl Progress {
     fn hidden() -> Self {
         Self { bar: ProgressBar::hidden(), _heartbeat: None }
     }
+
+    fn warn(&self, warning: &str) {
+        self.warner()(warning);
+    }
+
+    /// Returns a function that prints warnings above the line from any thread.
+    pub fn warner(&self) -> impl Fn(&str) + Send + Sync + 'static {
+        let bar = self.bar.clone();
+        move |warning| bar.suspend(|| tell!("warning: {}", single_line(warning)))
+    }
 }
 
 impl Deref for Progress {
@@ -129,7 +139,12 @@ impl ProgressLine {
 
     /// Prints a warning above the progress line.
     pub fn warn(&self, warning: &str) {
-        self.bar.suspend(|| tell!("warning: {}", single_line(warning)));
+        self.bar.warn(warning);
+    }
+
+    /// Returns a function that prints warnings above the progress line from any thread, even in a quiet run.
+    pub fn warner(&self) -> impl Fn(&str) + Send + Sync + 'static {
+        self.bar.warner()
     }
 
     /// Returns a function that prints text above the progress line from any thread. In a quiet run, the function prints

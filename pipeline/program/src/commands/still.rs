@@ -1,5 +1,6 @@
 //! Command `render2mpeg still`.
 
+use crate::display_server::{DisplayServer, ViewerAddress};
 use crate::notes;
 use crate::picture::{PictureArguments, set_plain_background};
 use crate::print::single_line;
@@ -35,6 +36,9 @@ pub(crate) struct StillArguments {
     /// Number of anchor lights, the sources of indirect light [default: as for films]
     #[arg(long, value_name = "N")]
     vpls: Option<usize>,
+    /// Show each finished picture as linear light in the image viewer tev, which listens at localhost:14158
+    #[arg(long, value_name = "HOST:PORT")]
+    display_server: Option<ViewerAddress>,
     /// Quality of the pictures, and options of their scene and run.
     #[command(flatten)]
     pub picture: PictureArguments,
@@ -42,7 +46,7 @@ pub(crate) struct StillArguments {
 
 /// Renders the frames, and writes them as pictures.
 pub fn run(arguments: StillArguments) -> Result<ExitCode> {
-    let StillArguments { scene: path, output, frame, fps, vpls, picture } = arguments;
+    let StillArguments { scene: path, output, frame, fps, vpls, display_server, picture } = arguments;
     let PictureArguments { reading, memory, overwrite, quiet, .. } = &picture;
     let output = output.unwrap_or_else(|| PathBuf::from(path.file_stem().unwrap_or_default()).with_extension("png"));
     // Check paths and scene before rendering begins.
@@ -75,8 +79,13 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
     let frames: Vec<u32> = pictures.iter().map(|(frame, _)| *frame).collect();
     let mut begin = std::time::Instant::now();
     let bar = progress::of_pictures(frames.len(), *quiet);
+    let viewer = display_server.map(|address| DisplayServer::start(&address, bar.warner()));
     Still::render_each(&scene, &settings, &frames, is_transparent, |frame, still| {
         let path = &pictures.iter().find(|(of, _)| *of == frame).expect("only these frames are rendered").1;
+        if let Some(viewer) = &viewer {
+            let radiance = still.transparent.as_ref().map_or(&still.radiance, |picture| &picture.radiance);
+            viewer.show(&path.display().to_string(), radiance);
+        }
         still.write(path)?;
         bar.inc(1);
         if !*quiet {
@@ -93,6 +102,7 @@ pub fn run(arguments: StillArguments) -> Result<ExitCode> {
         begin = std::time::Instant::now();
         Ok(())
     })?;
+    viewer.into_iter().for_each(DisplayServer::finish);
     bar.finish_and_clear();
     Ok(ExitCode::SUCCESS)
 }

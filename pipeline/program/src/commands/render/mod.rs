@@ -5,6 +5,7 @@ mod follow;
 mod watch;
 mod watching;
 
+use crate::display_server::{DisplayServer, ViewerAddress};
 use crate::interrupt::{Interrupt, Reactions};
 use crate::lines::{Lines, ProgressKind};
 use crate::log::Log;
@@ -88,6 +89,9 @@ pub(crate) struct RenderArguments {
     /// bar]
     #[arg(long, value_enum, value_name = "KIND", help_heading = "Progress", hide_short_help = true)]
     progress: Option<ProgressKind>,
+    /// Show each frame as linear light in the image viewer tev while the film is made; tev listens at localhost:14158
+    #[arg(long, value_name = "HOST:PORT", help_heading = "Progress", hide_short_help = true)]
+    display_server: Option<ViewerAddress>,
     /// Log frames and checkpoints; given twice, every stage
     #[arg(short, long, action = clap::ArgAction::Count, conflicts_with = "quiet", help_heading = "Progress", hide_short_help = true)]
     verbose: u8,
@@ -259,8 +263,11 @@ impl RenderArguments {
         let brightest = AtomicU8::new(0);
         let lightest = AtomicU32::new(0);
         let page = files.html.as_ref().map(|_| keep_for_page(&mut film, settings));
-        let observer = Watching { frames, brightest, lightest, page };
+        let viewer = self.display_server.as_ref().map(|address| DisplayServer::start(address, progress.warner()));
+        let viewer = viewer.map(|viewer| (viewer, settings.output.display().to_string()));
+        let mut observer = Watching { frames, brightest, lightest, page, viewer };
         let result = film.finish(Run { observer: &observer, stop: &interrupt.stop });
+        observer.viewer.take().into_iter().for_each(|(viewer, _)| viewer.finish());
         progress.clear();
         let brightest = observer.brightest.load(Ordering::Relaxed);
         let lightest = f32::from_bits(observer.lightest.load(Ordering::Relaxed));

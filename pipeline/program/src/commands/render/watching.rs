@@ -1,5 +1,6 @@
 //! Observers of a film in progress: progress lines, brightness, and pictures for the film's page.
 
+use crate::display_server::DisplayServer;
 use crate::notes;
 use anyhow::Result;
 use laboratory::page;
@@ -17,7 +18,8 @@ use render2mpeg::{Render, Report};
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
-/// Observer that prints a line per frame, tracks maximum brightness, and records data for the page.
+/// Observer that prints a line per frame, tracks maximum brightness, shows frames in a viewer, and records data for the
+/// page.
 pub(super) struct Watching<F> {
     pub frames: OnFrame<F>,
     /// Maximum over all frames of `notes::bright_code` of luma; 0 before the first frame.
@@ -25,6 +27,8 @@ pub(super) struct Watching<F> {
     /// Maximum over all frames of mean luminance, stored as the bits of an `f32`.
     pub lightest: AtomicU32,
     pub page: Option<FilmWatch>,
+    /// Viewer of the frames, and name of the film in the viewer.
+    pub viewer: Option<(DisplayServer, String)>,
 }
 
 impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
@@ -41,6 +45,7 @@ impl<F: FnMut(&FrameReport) + Send> Observer for Watching<F> {
         // Compare floats by their bits, which have the same order if the floats are not negative.
         let mean = notes::mean_luminance(&shaded.radiance).max(0.0);
         self.lightest.fetch_max(mean.to_bits(), Ordering::Relaxed);
+        self.viewer.iter().for_each(|(viewer, name)| viewer.show(name, &shaded.radiance));
         self.page.iter().for_each(|page| page.shaded(index, shaded));
     }
 
