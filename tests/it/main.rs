@@ -59,6 +59,8 @@ mod samples;
 mod scale;
 #[cfg(unix)]
 mod serve;
+#[cfg(unix)]
+mod serve_strangers;
 mod shading_normals;
 mod still;
 mod structure;

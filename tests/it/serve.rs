@@ -11,21 +11,26 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::http::{HeaderValue, StatusCode};
 use tungstenite::{Error, Message, WebSocket};
 
-const OPTIONS: &str = "--size 64x64 --vpls 100 --threads 2 --quiet --viewers 4 --qscale 8";
+const OPTIONS: &str = "--size 64x64 --threads 2 --qscale 8";
 /// Limit of a wait for a message.
-const DEADLINE: Duration = Duration::from_secs(60);
+pub const DEADLINE: Duration = Duration::from_secs(60);
 /// Length of the header before a picture \[bytes\].
 const HEADER: usize = 64;
 
 /// Server on a free port, killed on drop.
-struct Server {
+pub struct Server {
     child: Child,
-    host: String,
-    link: String,
+    pub host: String,
+    pub link: String,
 }
 
 impl Server {
     fn start(options: &str) -> Self {
+        Self::with_log(&format!("--vpls 100 --viewers 4 --quiet {options}"), Stdio::inherit())
+    }
+
+    /// Starts a server that writes its log to `log`.
+    pub fn with_log(options: &str, log: impl Into<Stdio>) -> Self {
         let mut child = Command::new(program())
             .arg("serve")
             .arg(cornell())
@@ -33,7 +38,7 @@ impl Server {
             .args(options.split_whitespace())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
-            .stderr(Stdio::inherit())
+            .stderr(log)
             .spawn()
             .expect("render2mpeg starts");
         let mut link = String::new();
@@ -45,7 +50,7 @@ impl Server {
     }
 
     /// Returns the status of a request, and its answer with headers.
-    fn get(&self, path: &str, host: &str) -> (u16, String) {
+    pub fn get(&self, path: &str, host: &str) -> (u16, String) {
         let mut stream = TcpStream::connect(&self.host).expect("the server listens");
         write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
         let mut answer = Vec::new();
@@ -67,18 +72,18 @@ impl Server {
         Ok(Viewer { socket, decoder: Decoder::default() })
     }
 
-    fn viewer(&self, query: &str) -> Viewer {
+    pub fn viewer(&self, query: &str) -> Viewer {
         self.open(query, &format!("http://{}", self.host)).expect("a viewer")
     }
 
-    fn refused(&self, query: &str, origin: &str) -> StatusCode {
+    pub fn refused(&self, query: &str, origin: &str) -> StatusCode {
         match self.open(query, origin) {
             Err(Error::Http(response)) => response.status(),
             other => panic!("not refused: {:?}", other.map(|_| ())),
         }
     }
 
-    fn interrupt(mut self) -> ExitStatus {
+    pub fn interrupt(mut self) -> ExitStatus {
         let pid = Pid::from_raw(self.child.id() as i32).expect("a process");
         kill_process(pid, Signal::INT).expect("the process takes signals");
         ended(&mut self.child, DEADLINE)
@@ -94,25 +99,27 @@ impl Drop for Server {
 }
 
 /// Picture as a page shows it.
-struct Shown {
-    is_intra: bool,
-    sequence: u32,
+pub struct Shown {
+    pub is_intra: bool,
+    pub sequence: u32,
     input: u32,
     luma: Vec<u8>,
+    /// Header and picture as received.
+    pub message: Vec<u8>,
 }
 
-struct Viewer {
-    socket: WebSocket<TcpStream>,
+pub struct Viewer {
+    pub socket: WebSocket<TcpStream>,
     decoder: Decoder,
 }
 
 impl Viewer {
-    fn send(&mut self, text: &str) {
+    pub fn send(&mut self, text: &str) {
         self.socket.send(Message::text(text)).expect("the server reads");
     }
 
     /// Returns the next picture; `None` after `patience`, or at the end of the connection.
-    fn try_next(&mut self, patience: Duration) -> Option<Shown> {
+    pub fn try_next(&mut self, patience: Duration) -> Option<Shown> {
         let end = Instant::now() + patience;
         loop {
             let left = end.saturating_duration_since(Instant::now()).max(Duration::from_millis(1));
@@ -126,7 +133,7 @@ impl Viewer {
         }
     }
 
-    fn next(&mut self) -> Shown {
+    pub fn next(&mut self) -> Shown {
         self.try_next(DEADLINE).expect("a picture")
     }
 
@@ -142,7 +149,7 @@ impl Viewer {
         assert_eq!(lumas.len(), 1, "each message is one picture");
         let sequence = number(4);
         self.send(&format!(r#"{{"kind":"seen","sequence":{sequence},"held":0}}"#));
-        Shown { is_intra: bytes[1] == 1, sequence, input: number(8), luma: lumas.remove(0) }
+        Shown { is_intra: bytes[1] == 1, sequence, input: number(8), luma: lumas.remove(0), message: bytes.to_vec() }
     }
 
     /// Receives pictures until none comes for some time, and returns the last one.

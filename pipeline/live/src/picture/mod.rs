@@ -151,6 +151,20 @@ impl<'a> LiveLoop<'a> {
         self.prepare.make_ready();
     }
 
+    /// Returns the number of pictures in the stream so far.
+    #[must_use]
+    pub fn pictures(&self) -> u64 {
+        self.video.pictures()
+    }
+
+    /// Continues the stream of another loop after its `pictures`, with an I picture.
+    ///
+    /// # Errors
+    /// If no encoder supports the settings.
+    pub fn continue_after(&mut self, pictures: u64) -> LiveResult<()> {
+        self.video.begin_at(pictures)
+    }
+
     /// Renders and codes the next picture.
     ///
     /// # Errors

@@ -34,6 +34,19 @@ impl LiveVideo {
         Ok(Self { config, encoder, first: 0, next: 0 })
     }
 
+    /// Returns the number of pictures in the stream so far.
+    pub fn pictures(&self) -> u64 {
+        self.next
+    }
+
+    /// Begins the encoder again, with the number of its first picture.
+    pub fn begin_at(&mut self, number: u64) -> LiveResult<()> {
+        let encoder = self.config.clone().with_first_number(number).encoder();
+        self.encoder = encoder.map_err(render2mpeg::Error::from)?;
+        (self.first, self.next) = (number, number);
+        Ok(())
+    }
+
     pub fn config(&self) -> &Config {
         &self.config
     }
@@ -42,8 +55,7 @@ impl LiveVideo {
     pub fn code(&mut self, displayed: &Displayed, quantiser_scale: u32, is_intra: bool) -> LiveResult<CodedLive> {
         // An I picture on request begins a new encoder, whose first picture needs no reference.
         if is_intra && self.next > self.first {
-            let encoder = self.config.clone().with_first_number(self.next).encoder();
-            (self.encoder, self.first) = (encoder.map_err(render2mpeg::Error::from)?, self.next);
+            self.begin_at(self.next)?;
         }
         self.encoder.set_quantiser_scale(quantiser_scale).map_err(render2mpeg::Error::from)?;
         let motion = SuppliedMotion { to_previous: displayed.correspondence.as_deref(), to_next: None };

@@ -2,30 +2,38 @@
 //!
 //! | module | contents |
 //! |---|---|
+//! | `connections` | the number of connections, and the end of those without a request |
 //! | `guard` | which requests are answered: address, origin and token |
+//! | `notes` | log lines about refusals |
 //! | `page` | the files of the page, and the headers of all answers |
 //! | `socket` | the WebSocket of a viewer |
 
+mod connections;
 mod guard;
+mod notes;
 mod page;
 mod socket;
 
 use crate::error::{LiveError, LiveResult};
 use crate::session::Session;
 use axum::Router;
-use axum::extract::{Request, State};
+use axum::extract::{ConnectInfo, Request, State};
 use axum::http::StatusCode;
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use axum::serve::ListenerExt;
+use connections::{Activity, Connections};
 use guard::Guard;
+use notes::Notes;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::Duration;
 
 /// Time in which connections may end after the session.
 const ENDING: Duration = Duration::from_millis(500);
+
+/// Maximum number of connections in addition to two per viewer: browsers load the files of a page over several.
+const FURTHER_CONNECTIONS: usize = 32;
 
 /// Server of a session. It listens, but answers only in [`run`](Self::run).
 #[derive(Debug)]
@@ -39,6 +47,7 @@ pub struct Server {
 struct Shared {
     session: Arc<Session>,
     guard: Guard,
+    notes: Arc<Notes>,
 }
 
 impl Server {
@@ -53,7 +62,7 @@ impl Server {
         listener.set_nonblocking(true).map_err(listen)?;
         let local = listener.local_addr().map_err(listen)?;
         let guard = Guard::new(local, token)?;
-        Ok(Self { listener, shared: Arc::new(Shared { session, guard }) })
+        Ok(Self { listener, shared: Arc::new(Shared { session, guard, notes: Arc::new(Notes::new()) }) })
     }
 
     /// Returns the link that opens the page.
@@ -71,13 +80,12 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(failed)?;
         let Self { listener, shared } = self;
         runtime.block_on(async {
-            // Send small messages at once: each picture is awaited.
             let listener = tokio::net::TcpListener::from_std(listener).map_err(failed)?;
-            let listener = listener.tap_io(|stream| {
-                let _ = stream.set_nodelay(true);
-            });
             let session = shared.session.clone();
-            let serving = axum::serve(listener, router(shared));
+            let most = 2 * session.max_viewers() + FURTHER_CONNECTIONS;
+            let connections = Connections::new(listener, most, shared.notes.clone());
+            let service = router(shared).into_make_service_with_connect_info::<Activity>();
+            let serving = axum::serve(connections, service);
             // Give connections a moment to end after the session.
             tokio::select! {
                 served = serving => served.map_err(failed),
@@ -95,12 +103,20 @@ fn router(shared: Arc<Shared>) -> Router {
 }
 
 /// Answers only requests to an address of this server, and adds the headers of all answers.
-async fn check(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
+async fn check(
+    State(shared): State<Arc<Shared>>,
+    ConnectInfo(activity): ConnectInfo<Activity>,
+    request: Request,
+    next: Next,
+) -> Response {
+    activity.requested();
     let Some(host) = shared.guard.host(request.headers()) else {
+        shared.notes.note(activity.address(), "wrong Host");
         return page::with_headers(refusal(StatusCode::MISDIRECTED_REQUEST, "wrong Host"), "");
     };
     let needs_token = ["/", "/pictures"].contains(&request.uri().path());
     if needs_token && !shared.guard.admits(request.uri().query()) {
+        shared.notes.note(activity.address(), "wrong token");
         let text = "open the link that render2mpeg serve prints: it contains a token";
         return page::with_headers(refusal(StatusCode::FORBIDDEN, text), &host);
     }

@@ -1,13 +1,15 @@
 //! WebSocket of a viewer: pictures out, messages in.
 
+use super::connections::Activity;
 use super::guard::value;
 use super::{Shared, page, refusal};
 use crate::message::ViewerMessage;
 use crate::session::{Joined, Outgoing, Refusal};
-use axum::extract::State;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade};
+use axum::extract::{ConnectInfo, State};
 use axum::http::{HeaderMap, StatusCode, Uri};
 use axum::response::Response;
+use std::fmt::Display;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -25,23 +27,27 @@ const POLICY: u16 = 1008;
 /// Accepts the WebSocket of a viewer.
 pub(super) async fn upgrade(
     State(shared): State<Arc<Shared>>,
+    ConnectInfo(activity): ConnectInfo<Activity>,
     uri: Uri,
     headers: HeaderMap,
     upgrade: WebSocketUpgrade,
 ) -> Response {
     let host = shared.guard.host(&headers).unwrap_or_default();
     if !shared.guard.is_own_page(&headers, &host) {
-        tracing::info!("a WebSocket of another page was refused");
+        shared.notes.note(activity.address(), "wrong Origin");
         return page::with_headers(refusal(StatusCode::FORBIDDEN, "wrong Origin"), &host);
     }
     let name: String = value(uri.query(), "client").unwrap_or_default().chars().take(NAME).collect();
     let joined = match shared.session.join(name) {
         Ok(joined) => joined,
-        Err(Refusal::Full) => return refusal(StatusCode::SERVICE_UNAVAILABLE, "all places are taken"),
+        Err(Refusal::Full) => {
+            shared.notes.note(activity.address(), "too many viewers");
+            return refusal(StatusCode::SERVICE_UNAVAILABLE, "all places are taken");
+        }
         Err(Refusal::Ended) => return refusal(StatusCode::SERVICE_UNAVAILABLE, "the session has ended"),
     };
     // Leave even if the upgrade fails: then the guard is dropped without a call.
-    let place = Place { shared, id: joined.id };
+    let place = Place { shared, activity, id: joined.id };
     let upgrade = upgrade.max_message_size(LONGEST).max_frame_size(LONGEST);
     upgrade.on_upgrade(move |socket| serve(socket, joined, place))
 }
@@ -49,6 +55,7 @@ pub(super) async fn upgrade(
 /// Place of a viewer in the session, which it leaves when dropped.
 struct Place {
     shared: Arc<Shared>,
+    activity: Activity,
     id: crate::session::ViewerId,
 }
 
@@ -58,25 +65,50 @@ impl Drop for Place {
     }
 }
 
+impl Place {
+    /// Logs why the viewer is disconnected.
+    fn note(&self, reason: impl Display) {
+        self.shared.notes.note(self.activity.address(), reason);
+    }
+}
+
 /// Sends pictures and receives messages until either side ends.
 async fn serve(mut socket: WebSocket, mut joined: Joined, place: Place) {
+    place.activity.becomes_viewer();
     let mut allowance = Allowance::new(Instant::now());
     loop {
         tokio::select! {
             outgoing = joined.messages.recv() => {
-                let Some(outgoing) = outgoing else { break };
+                let Some(outgoing) = outgoing else {
+                    if !place.shared.session.has_ended() {
+                        place.note("a viewer did not answer");
+                    }
+                    break;
+                };
                 let message = match outgoing {
                     Outgoing::Picture(bytes) => Message::Binary(bytes),
                     Outgoing::Text(text) => Message::Text(text.into()),
                 };
-                if !matches!(tokio::time::timeout(PATIENCE, socket.send(message)).await, Ok(Ok(()))) {
-                    break;
+                match tokio::time::timeout(PATIENCE, socket.send(message)).await {
+                    Ok(Ok(())) => {}
+                    Ok(Err(_)) => break,
+                    Err(_) => {
+                        place.note("a viewer did not read");
+                        break;
+                    }
                 }
             }
             incoming = socket.recv() => {
-                let Some(Ok(message)) = incoming else { break };
+                let message = match incoming {
+                    Some(Ok(message)) => message,
+                    Some(Err(error)) => {
+                        place.note(error);
+                        break;
+                    }
+                    None => break,
+                };
                 if let Err(reason) = receive(&message, &place, &mut allowance) {
-                    tracing::info!("a viewer was disconnected: {reason}");
+                    place.note(reason);
                     let frame = CloseFrame { code: POLICY, reason: reason.into() };
                     let _ = tokio::time::timeout(PATIENCE, socket.send(Message::Close(Some(frame)))).await;
                     break;

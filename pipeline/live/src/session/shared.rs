@@ -17,6 +17,8 @@ use tokio::sync::{mpsc, watch};
 
 /// Time after which an unresponsive controller loses control, if others watch.
 const PATIENCE: Duration = Duration::from_secs(3);
+/// Time after which a viewer without an acknowledgement is disconnected.
+const GONE: Duration = Duration::from_secs(30);
 /// Longest wait without a look at the session.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 /// Wait between looks at a session that has something to do.
@@ -208,6 +210,24 @@ impl Session {
         let _ = self.ended.subscribe().wait_for(|ended| *ended).await;
     }
 
+    /// Waits for the end of the session. Blocks the thread.
+    pub fn wait_for_end(&self) {
+        let waiting = self.changed.wait_while(self.lock(), |state| !state.has_ended);
+        drop(waiting.unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Returns whether the session has ended.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.lock().has_ended
+    }
+
+    /// Returns the maximum number of viewers.
+    #[must_use]
+    pub fn max_viewers(&self) -> usize {
+        self.lock().settings.viewers
+    }
+
     /// Requests a picture with new light from the thread that renders, even of a finished static view.
     pub(super) fn improve(&self) {
         self.lock().shown = None;
@@ -219,7 +239,8 @@ impl Session {
         let mut state = self.lock();
         while !state.has_ended {
             let now = self.now();
-            if state.viewers.replace_stalled(now, PATIENCE) {
+            let is_without_control = state.viewers.remove_stalled(now, GONE);
+            if state.viewers.replace_stalled(now, PATIENCE) || is_without_control {
                 state.stage.release();
                 self.tell_roles(&state);
             }

@@ -10,6 +10,9 @@ use render2mpeg::Settings;
 use render2mpeg::settings::unknown_ending;
 use renderer::settings::RenderSettings;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// sequence_end_code (13818-2, Table 6-1).
@@ -50,66 +53,91 @@ impl Recording {
     }
 }
 
-/// Renderer of a session.
-#[derive(Debug)]
-pub struct Studio<'a> {
-    session: &'a Session,
-    recording: Option<Recording>,
+/// Recording that any thread may finish, so that its file is complete even while a picture is rendered.
+type SharedRecording = Arc<Mutex<Option<Recording>>>;
+
+fn lock(recording: &SharedRecording) -> MutexGuard<'_, Option<Recording>> {
+    recording.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-impl<'a> Studio<'a> {
+/// Renderer of a session.
+#[derive(Debug)]
+pub struct Studio {
+    session: Arc<Session>,
+    recording: SharedRecording,
+}
+
+/// First order of the loop with all light, and number of its first picture.
+type Handover = (Order, u64);
+
+impl Studio {
     /// Creates the renderer of `session`, which writes its pictures to a `recording`, if any.
     #[must_use]
-    pub fn new(session: &'a Session, recording: Option<Recording>) -> Self {
-        Self { session, recording }
+    pub fn new(session: Arc<Session>, recording: Option<Recording>) -> Self {
+        Self { session, recording: Arc::new(Mutex::new(recording)) }
     }
 
-    /// Renders pictures until the session ends. Blocks the thread.
+    /// Renders pictures until the session ends. Blocks the thread. At the end, the recording is complete; another
+    /// thread may still compute a picture or the light of the scene, which nobody receives.
     ///
     /// # Errors
     /// If the encoder does not support the settings, or the recording cannot be written. The session then ends.
-    pub fn run(mut self, scene: &Scene, settings: &Settings) -> LiveResult<()> {
+    pub fn run(self, scene: &Arc<Scene>, settings: &Settings) -> LiveResult<()> {
         let result = self.render(scene, settings);
         self.session.end();
-        let recorded = self.recording.map_or(Ok(()), Recording::finish);
+        let recorded = lock(&self.recording).take().map_or(Ok(()), Recording::finish);
         result.and(recorded)
     }
 
-    fn render(&mut self, scene: &Scene, settings: &Settings) -> LiveResult<()> {
-        let plans = LivePlans::new(scene, settings);
-        let session = self.session;
-        std::thread::scope(|scope| {
-            // Make the light of the scene on another thread.
-            let making = scope.spawn(|| -> LiveResult<LiveLoop> {
-                let mut live = LiveLoop::new(scene, settings, &plans)?;
-                live.make_ready();
-                session.improve();
-                Ok(live)
-            });
+    fn render(&self, scene: &Arc<Scene>, settings: &Settings) -> LiveResult<()> {
+        // Make the light of the scene on another thread, which then renders the pictures.
+        let is_ready = Arc::new(AtomicBool::new(false));
+        let (hand_over, orders) = mpsc::channel();
+        let (done, results) = mpsc::channel();
+        let lit = LitStudio {
+            studio: Self { session: self.session.clone(), recording: self.recording.clone() },
+            is_ready: is_ready.clone(),
+            orders,
+        };
+        let (lit_scene, lit_settings) = (scene.clone(), settings.clone());
+        let work = move || {
+            // The session also ends if this thread panics.
+            let ending = Ending { session: lit.studio.session.clone(), done: Some(done) };
+            let result = lit.run(&lit_scene, &lit_settings);
+            let _ = ending.done.as_ref().map(|done| done.send(result));
+        };
+        let started = std::thread::Builder::new().name("live".into()).spawn(work);
+        started.map_err(|source| LiveError::System { what: "a thread", source })?;
 
-            // Begin with direct light if that takes long.
-            let begin = Instant::now();
-            while !making.is_finished() && begin.elapsed() < SOON {
-                std::thread::sleep(Duration::from_millis(5));
-            }
-            let mut next = None;
-            if !making.is_finished() {
-                let direct = with_direct_light(settings);
-                let plans = LivePlans::new(scene, &direct);
-                let mut live = LiveLoop::new(scene, &direct, &plans)?;
-                next = self.serve(&mut live, || making.is_finished())?;
-            }
-            let mut live = making.join().map_err(|_| LiveError::Light)??;
-            if let Some(order) = next {
-                self.take(&mut live, &order)?;
-            }
-            self.serve(&mut live, || false).map(drop)
-        })
+        // Begin with direct light if that takes long.
+        let is_ready = || is_ready.load(Ordering::Acquire);
+        let begin = Instant::now();
+        while !is_ready() && !self.session.has_ended() && begin.elapsed() < SOON {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        let mut pictures = 0;
+        let mut first = None;
+        if !is_ready() && !self.session.has_ended() {
+            let direct = with_direct_light(settings);
+            let plans = LivePlans::new(scene, &direct);
+            let mut live = LiveLoop::new(scene, &direct, &plans)?;
+            first = self.serve(&mut live, is_ready)?;
+            pictures = live.pictures();
+        }
+
+        // Wait for the end of the session, without waiting for the other thread.
+        let _ = hand_over.send(first.map(|order| (order, pictures)));
+        self.session.wait_for_end();
+        match results.try_recv() {
+            Ok(result) => result,
+            Err(TryRecvError::Empty) => Ok(()),
+            Err(TryRecvError::Disconnected) => Err(LiveError::Light),
+        }
     }
 
     /// Renders ordered pictures until the session ends. Returns an order that another loop should take, because `ends`
     /// is true.
-    fn serve(&mut self, live: &mut LiveLoop, ends: impl Fn() -> bool) -> LiveResult<Option<Order>> {
+    fn serve(&self, live: &mut LiveLoop, ends: impl Fn() -> bool) -> LiveResult<Option<Order>> {
         while let Some(order) = self.session.order() {
             if ends() {
                 return Ok(Some(order));
@@ -120,13 +148,51 @@ impl<'a> Studio<'a> {
     }
 
     /// Renders and publishes an ordered picture.
-    fn take(&mut self, live: &mut LiveLoop, order: &Order) -> LiveResult<()> {
+    fn take(&self, live: &mut LiveLoop, order: &Order) -> LiveResult<()> {
         let picture = live.picture(order.request)?;
         self.session.publish(order, &picture);
-        match &mut self.recording {
+        match &mut *lock(&self.recording) {
             Some(recording) => recording.write(live.encoder_config(), picture.packet.into()),
             None => Ok(()),
         }
+    }
+}
+
+/// The part of a studio that renders with all light, on a thread of its own.
+struct LitStudio {
+    studio: Studio,
+    is_ready: Arc<AtomicBool>,
+    /// Receives one message when the loop with direct light has ended.
+    orders: Receiver<Option<Handover>>,
+}
+
+impl LitStudio {
+    fn run(self, scene: &Scene, settings: &Settings) -> LiveResult<()> {
+        let plans = LivePlans::new(scene, settings);
+        let mut live = LiveLoop::new(scene, settings, &plans)?;
+        live.make_ready();
+        // Request a picture only after the flag is set: the loop with direct light must not take it.
+        self.is_ready.store(true, Ordering::Release);
+        self.studio.session.improve();
+        let Ok(first) = self.orders.recv() else { return Ok(()) };
+        if let Some((order, pictures)) = first {
+            live.continue_after(pictures)?;
+            self.studio.take(&mut live, &order)?;
+        }
+        self.studio.serve(&mut live, || false).map(drop)
+    }
+}
+
+/// Ends a session when dropped, after the channel of its result.
+struct Ending {
+    session: Arc<Session>,
+    done: Option<Sender<LiveResult<()>>>,
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.done = None;
+        self.session.end();
     }
 }
 

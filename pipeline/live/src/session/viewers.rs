@@ -76,6 +76,18 @@ impl Viewers {
         had_control
     }
 
+    /// Removes viewers that have not acknowledged a picture for longer than `patience`; their connections then end.
+    /// Returns whether the controller changed.
+    pub fn remove_stalled(&mut self, now: Duration, patience: Duration) -> bool {
+        let stalled = self.list.iter().filter(|(_, viewer)| viewer.flow.is_stalled(now, patience));
+        let stalled: Vec<ViewerId> = stalled.map(|(id, _)| *id).collect();
+        let before = self.controller;
+        for id in stalled {
+            self.leave(id);
+        }
+        self.controller != before
+    }
+
     /// Gives control to another viewer if the controller has not acknowledged a picture for longer than `patience`.
     pub fn replace_stalled(&mut self, now: Duration, patience: Duration) -> bool {
         let stalled = self.controller.filter(|id| self.list[id].flow.is_stalled(now, patience));
@@ -159,5 +171,29 @@ impl Viewers {
 impl Viewer {
     fn can_receive(&self) -> bool {
         self.queue.capacity() > 0 && self.flow.outstanding() < UNSEEN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flow::PictureKind;
+
+    #[test]
+    fn viewers_that_acknowledge_nothing_are_removed() {
+        let limits = FlowLimits { bits_per_second: None, pictures_per_second: 25.0 };
+        let (mut viewers, second) = (Viewers::default(), Duration::from_secs);
+        let [(silent, mut of_silent), (other, _of_other)] =
+            ["a", "b"].map(|name| viewers.join(second(0), name.into(), limits));
+        let picture = SentPicture { sequence: 0, bits: 800, quantiser_scale: 8, kind: PictureKind::Intra };
+        viewers.send(second(1), picture, true, &Bytes::from_static(b"picture"));
+        assert!(viewers.flow(other).unwrap().acknowledged(second(2), 0, Duration::ZERO));
+
+        // The silent one is the controller, so control passes on, and its queue ends.
+        assert!(!viewers.remove_stalled(second(31), second(30)) && viewers.has_control(silent));
+        assert!(viewers.remove_stalled(second(32), second(30)) && viewers.has_control(other));
+        assert_eq!(viewers.ids(), [other]);
+        assert!(matches!(of_silent.try_recv(), Ok(Outgoing::Picture(_))) && of_silent.blocking_recv().is_none());
+        assert!(!viewers.remove_stalled(second(1000), second(30)));
     }
 }

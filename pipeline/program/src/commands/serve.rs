@@ -1,6 +1,7 @@
 //! Command `render2mpeg serve`: a live scene in a browser.
 
 use crate::interrupt::{Interrupt, Reactions};
+use crate::log::Log;
 use crate::notes;
 use crate::overwrite::Overwrite;
 use crate::print::single_line;
@@ -128,6 +129,7 @@ pub fn run(arguments: ServeArguments) -> Result<ExitCode> {
         bits_per_second: bitrate.map(|BitRate(bits)| bits),
         best: qscale,
     };
+    let _log = Log::start(u8::from(!quiet), None);
     let session = Arc::new(Session::new(scene.clone(), &settings, limits));
     let server = Server::bind(listen.0, token, session.clone())?;
     let link = server.link();
@@ -145,7 +147,7 @@ pub fn run(arguments: ServeArguments) -> Result<ExitCode> {
     // Serve on another thread, and render on this one.
     let serving = std::thread::Builder::new().name("server".into()).spawn(move || server.run());
     let serving = serving.context("cannot start a thread")?;
-    let rendered = Studio::new(&session, recording).run(&scene, &settings);
+    let rendered = Studio::new(session, recording).run(&scene, &settings);
     let served = serving.join().map_err(|_| anyhow::anyhow!("the server failed"))?;
     rendered?;
     served?;
