@@ -219,6 +219,28 @@ fn a_viewer_sees_inputs_and_an_idle_scene_sends_nothing() {
 }
 
 #[test]
+fn a_static_view_begins_in_direct_light_and_receives_all_light() {
+    // The light of these lamps takes some seconds.
+    let server = Server::with_log("--vpls 50000 --quiet --listen 127.0.0.1:0", Stdio::inherit());
+    let mut viewer = server.viewer("?client=a");
+    let mean = |shown: &Shown| shown.luma.iter().map(|&luma| u32::from(luma)).sum::<u32>() / shown.luma.len() as u32;
+    let first = viewer.next();
+    assert!(first.is_intra && first.sequence == 0);
+
+    // Without an input, the lit view follows as an I picture, and is brighter.
+    let lit = loop {
+        let next = viewer.next();
+        if next.is_intra {
+            break next;
+        }
+        assert!(mean(&next).abs_diff(mean(&first)) < 3, "the view is static");
+    };
+    assert!(lit.sequence > 0 && mean(&lit) > mean(&first) + 5, "{} to {}", mean(&first), mean(&lit));
+    viewer.rest();
+    assert_eq!(server.interrupt().code(), Some(130));
+}
+
+#[test]
 fn strangers_are_refused_and_disturb_nobody() {
     let folder = tempfile::tempdir().unwrap();
     let record = folder.path().join("walk.m2v");

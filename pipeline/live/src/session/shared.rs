@@ -228,6 +228,12 @@ impl Session {
         self.lock().settings.viewers
     }
 
+    /// Returns the moment of the last picture, or of the next one before the first.
+    pub(super) fn moment(&self) -> Moment {
+        let (mut state, now) = (self.lock(), self.now());
+        state.shown.unwrap_or_else(|| state.stage.step(now))
+    }
+
     /// Requests a picture with new light from the thread that renders, even of a finished static view.
     pub(super) fn improve(&self) {
         self.lock().shown = None;

@@ -2,9 +2,10 @@
 
 use super::shared::{Order, Session};
 use crate::error::{LiveError, LiveResult};
-use crate::picture::{LiveLoop, LivePlans};
+use crate::picture::{Detail, LiveLoop, LivePlans, PictureRequest};
 use mpeg2enc::{AccessUnit, Container, Multiplexer};
 use pipeline::output::Output;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use render_core::scene::Scene;
 use render2mpeg::Settings;
 use render2mpeg::settings::unknown_ending;
@@ -18,6 +19,8 @@ use std::time::{Duration, Instant};
 /// sequence_end_code (13818-2, Table 6-1).
 const SEQUENCE_END: [u8; 4] = [0, 0, 1, 0xb7];
 
+/// quantiser_scale of the first picture with all light, which nobody receives.
+const WARM_QUANTISER: u32 = 8;
 /// Time after which viewers see direct light if the light of the scene is not ready.
 const SOON: Duration = Duration::from_millis(400);
 
@@ -65,6 +68,8 @@ fn lock(recording: &SharedRecording) -> MutexGuard<'_, Option<Recording>> {
 pub struct Studio {
     session: Arc<Session>,
     recording: SharedRecording,
+    /// Threads of the work; `None` for the threads of the process.
+    threads: Option<ThreadPool>,
 }
 
 /// First order of the loop with all light, and number of its first picture.
@@ -74,7 +79,7 @@ impl Studio {
     /// Creates the renderer of `session`, which writes its pictures to a `recording`, if any.
     #[must_use]
     pub fn new(session: Arc<Session>, recording: Option<Recording>) -> Self {
-        Self { session, recording: Arc::new(Mutex::new(recording)) }
+        Self { session, recording: Arc::new(Mutex::new(recording)), threads: None }
     }
 
     /// Renders pictures until the session ends. Blocks the thread. At the end, the recording is complete; another
@@ -95,7 +100,11 @@ impl Studio {
         let (hand_over, orders) = mpsc::channel();
         let (done, results) = mpsc::channel();
         let lit = LitStudio {
-            studio: Self { session: self.session.clone(), recording: self.recording.clone() },
+            studio: Self {
+                session: self.session.clone(),
+                recording: self.recording.clone(),
+                threads: Some(further_threads()?),
+            },
             is_ready: is_ready.clone(),
             orders,
         };
@@ -147,9 +156,17 @@ impl Studio {
         Ok(None)
     }
 
+    /// Runs work whose loops use the threads of this studio.
+    fn on_threads<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        match &self.threads {
+            Some(threads) => threads.install(work),
+            None => work(),
+        }
+    }
+
     /// Renders and publishes an ordered picture.
     fn take(&self, live: &mut LiveLoop, order: &Order) -> LiveResult<()> {
-        let picture = live.picture(order.request)?;
+        let picture = self.on_threads(|| live.picture(order.request))?;
         self.session.publish(order, &picture);
         match &mut *lock(&self.recording) {
             Some(recording) => recording.write(live.encoder_config(), picture.packet.into()),
@@ -169,11 +186,19 @@ struct LitStudio {
 impl LitStudio {
     fn run(self, scene: &Scene, settings: &Settings) -> LiveResult<()> {
         let plans = LivePlans::new(scene, settings);
-        let mut live = LiveLoop::new(scene, settings, &plans)?;
-        live.make_ready();
+        let session = &self.studio.session;
+        let mut live = self.studio.on_threads(|| -> LiveResult<LiveLoop> {
+            let mut live = LiveLoop::new(scene, settings, &plans)?;
+            live.make_ready();
+            // Light the view while viewers see and move it in direct light. Later pictures reuse the light of this one.
+            let request = PictureRequest::new(session.moment(), WARM_QUANTISER);
+            live.picture(PictureRequest { detail: Detail::Fine, ..request })?;
+            live.continue_after(0)?;
+            Ok(live)
+        })?;
         // Request a picture only after the flag is set: the loop with direct light must not take it.
         self.is_ready.store(true, Ordering::Release);
-        self.studio.session.improve();
+        session.improve();
         let Ok(first) = self.orders.recv() else { return Ok(()) };
         if let Some((order, pictures)) = first {
             live.continue_after(pictures)?;
@@ -194,6 +219,12 @@ impl Drop for Ending {
         self.done = None;
         self.session.end();
     }
+}
+
+/// Returns as many threads as the process has for its loops. Jobs of long work would delay pictures on the same threads.
+fn further_threads() -> LiveResult<ThreadPool> {
+    let threads = ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
+    threads.map_err(|error| LiveError::System { what: "threads", source: std::io::Error::other(error) })
 }
 
 /// Returns the settings without indirect light, except that of the sky.
