@@ -1,4 +1,4 @@
-"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf|fidelity|models [--quick|--full] [options].
+"""Measurements of render2mpeg: python3 bench coupling|error|sweep|encoders|features|bits|importance|joints|rates|gltf|fidelity|models|peers [--quick|--full] [options].
 
 Quick, the default, takes about five minutes of CPU time and reports the reliability of its figures.
 Full makes the tables of the documentation; for bits, larger films.
@@ -19,6 +19,7 @@ import gltf
 import importance
 import joints
 import models
+import peers
 import rates
 import sweep
 from running import Failure
@@ -36,6 +37,7 @@ MEASUREMENTS = {
     "gltf": gltf,
     "fidelity": fidelity,
     "models": models,
+    "peers": peers,
 }
 
 

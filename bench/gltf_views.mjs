@@ -4,7 +4,7 @@
 //
 // A job has: file, output, width, height; camera_from_world (right-handed, 16 numbers by columns), projection (16 numbers by columns);
 // seconds, the time in the first animation. The page has a uniform white light if the file has no lamp, and a transparent
-// background. A result has the job's file, and data or a failure.
+// background. With room: light of three.js's RoomEnvironment, a gray background, antialiasing and a tone curve. A result has the job's file, and data or a failure.
 // MODULES is the folder of the packages three and playwright-core (default: node_modules), CHROMIUM the browser.
 import { createServer } from "node:http";
 import { createReadStream, existsSync, readFileSync, statSync, writeFileSync } from "node:fs";
@@ -27,12 +27,13 @@ import * as THREE from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { DRACOLoader } from "three/addons/loaders/DRACOLoader.js";
 import { KTX2Loader } from "three/addons/loaders/KTX2Loader.js";
+import { RoomEnvironment } from "three/addons/environments/RoomEnvironment.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
-const renderer = new THREE.WebGLRenderer({ alpha: true, antialias: false, preserveDrawingBuffer: true });
+const renderer = new THREE.WebGLRenderer({ alpha: true, antialias: ${Boolean(job.room)}, preserveDrawingBuffer: true });
 renderer.setPixelRatio(1);
 renderer.setSize(${job.width}, ${job.height}, false);
 renderer.setClearColor(0x000000, 0);
-renderer.toneMapping = THREE.NoToneMapping;
+renderer.toneMapping = ${job.room ? "THREE.NeutralToneMapping" : "THREE.NoToneMapping"};
 renderer.outputColorSpace = THREE.SRGBColorSpace;
 document.body.append(renderer.domElement);
 try {
@@ -47,6 +48,11 @@ try {
   scene.add(root);
   let lamps = 0;
   root.traverse((one) => { lamps += one.isLight ? 1 : 0; });
+  if (${Boolean(job.room)}) {
+    scene.environment = new THREE.PMREMGenerator(renderer).fromScene(new RoomEnvironment(), 0.04).texture;
+    scene.background = new THREE.Color(0xcccccc);
+    lamps++;
+  }
   // A white hemisphere and directional light: shapes matter here, and an environment costs seconds in software.
   if (!lamps) {
     const sun = new THREE.DirectionalLight(0xffffff, 2);
