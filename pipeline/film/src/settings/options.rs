@@ -218,7 +218,7 @@ pub struct Options {
     /// Number of anchor lights, the sources of indirect light [default: 4000 for a box, up to 40000 for a building]
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", help_heading = "Quality", hide_short_help = true))]
     pub vpls: Option<usize>,
-    /// Photons per frame [default: 36, 18 or 9 per anchor light, for quantisers below 4, below 16 and above]
+    /// Photons per frame [default: 36, 18 or 9 per anchor light, for quantisers below 4, below 16 and above; at least 100000 in a studio]
     #[cfg_attr(feature = "clap", arg(long, value_name = "N", help_heading = "Quality", hide_short_help = true))]
     #[serde(serialize_with = "integer")]
     pub photons: Option<u64>,

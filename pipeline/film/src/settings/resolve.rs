@@ -14,8 +14,7 @@ use lighttree::Calibration;
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings, SettingsError};
 use renderer::settings::{
-    Aov, Lighting, MOVING_ANCHORS, PixelShading, RenderSettings, SampleCount, Size, Stopping, Thresholds,
-    photons_per_anchor,
+    Aov, Lighting, MOVING_ANCHORS, PixelShading, RenderSettings, SampleCount, Size, Stopping, Thresholds, photon_count,
 };
 use std::path::{Path, PathBuf};
 
@@ -118,7 +117,7 @@ impl Options {
             bounces: self.bounces,
             vpls,
             moving_vpls: MOVING_ANCHORS,
-            photons: *self.photons.get_or_insert(photons_per_anchor(expected_qscale) * vpls as u64),
+            photons: *self.photons.get_or_insert(photon_count(scene, vpls, expected_qscale)),
             seed: *self.seed.get_or_insert(1),
             thresholds,
             kappa,
