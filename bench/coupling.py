@@ -2,9 +2,12 @@
 
     python3 bench coupling [SCENE.glb …] [--quick|--full] [--size WxH] [--frames N] [--qscale 2,16,48]
 
-Uncoupled: --thresholds fixed:0.02 --shading full. Coupled: the default. Both run alternately.
+Uncoupled: --thresholds fixed:0.02 --shading full --photons N, without any information from the encoder. N is the
+number for the finest quantisers, as a renderer without the quantiser needs it. Coupled: the default. Both run
+alternately. A third film, per row, has the photons of the row's quantiser and no other coupling.
 
     ratio       CPU seconds per frame, uncoupled divided by coupled, without frames 0 to 2
+    light       the same ratio for the third film: the effect of thresholds and reprojected light alone
     documented  the ratio in docs/data/coupling.csv, which README.md quotes, for the scene at this size and quantiser
     program     CPU seconds of whole programs, uncoupled divided by coupled, including loading and frames 0 to 2
     decoded     luma PSNR of the decoded film against a fine film of the same scene, before coding
@@ -29,6 +32,8 @@ from running import ROOT, Failure, add_program, need_files, need_installed, need
 
 UNCOUPLED = ["--thresholds", "fixed:0.02", "--shading", "full"]
 COUPLED = []
+# Photons per anchor light of the finest quantisers, as in `pipeline/renderer/src/settings/mod.rs`.
+FINE_PHOTONS = 36
 FINE = ["--qscale", "1", "--thresholds", "fixed:0.005", "--shading", "full"]
 # Ratios that the documents quote.
 DOCUMENTED = ROOT / "docs" / "data" / "coupling.csv"
@@ -55,9 +60,10 @@ def add_options(parser):
 
 @dataclass
 class Film:
-    """A rendered film: frames of its report, CPU seconds of the program, its files."""
+    """A rendered film: frames and settings of its report, CPU seconds of the program, its files."""
 
     frames: list
+    settings: dict
     cpu: float
     video: Path
     raw: Path
@@ -84,7 +90,8 @@ def render(options, scene, base, words):
     video, raw, report = (Path(f"{base}{ending}") for ending in (".m2v", ".y4m", ".json"))
     command = [options.program, "render", scene, "--size", options.size, "--frames", options.frames, "--quiet", "--overwrite"]
     finished = run([*command, "-o", video, "--y4m", raw, "--report", report, *words])
-    return Film(json.loads(report.read_text())["frames"], finished.cpu, video, raw)
+    made = json.loads(report.read_text())
+    return Film(made["frames"], made["settings"], finished.cpu, video, raw)
 
 
 def fine_film(options, scene):
@@ -104,6 +111,7 @@ class Measured:
     scene: Path
     qscale: int
     films: list
+    third: Film
     decoded: list
     flickers: list
     before_coding: dict
@@ -125,6 +133,7 @@ class Measured:
             "uncoupled, CPU s": f"{seconds[0]:.3f}",
             "coupled, CPU s": f"{seconds[1]:.3f}",
             "ratio": self.ratio(lambda film: film.seconds),
+            "light": f"{self.third.seconds / seconds[1]:.2f}",
             "documented": self.documented,
             "program": self.ratio(lambda film: film.cpu),
             "decoded, uncoupled": tables.decibels(psnr[0]),
@@ -167,14 +176,16 @@ def measure(options, scene, qscale, budget, limit):
         def work(name, words):
             return lambda: render(options, scene, Path(folder) / name, quantiser + words)
 
-        films = budget.in_turns(work("uncoupled", UNCOUPLED), work("coupled", COUPLED), options.pairs, limit)
+        third = work("third", UNCOUPLED)()
+        photons = ["--photons", third.settings["vpls"] * FINE_PHOTONS]
+        films = budget.in_turns(work("uncoupled", UNCOUPLED + photons), work("coupled", COUPLED), options.pairs, limit)
         fine = fine_film(options, scene)
         shown = [figures.decode(film.video, Path(f"{film.video}.y4m")) for film in films[0]]
         likenesses = [figures.compare(options.program, film, fine) for film in shown]
         flickers = [figures.flicker(film) for film in shown]
         before = frames_before_coding(options, *films[0]) if options.full else {}
         known = documented(scene, options.size, options.frames, qscale)
-        return Measured(scene, qscale, films, likenesses, flickers, before, known)
+        return Measured(scene, qscale, films, third, likenesses, flickers, before, known)
 
 
 def main(options):
