@@ -14,7 +14,7 @@ use lighttree::Calibration;
 use perceptual::ToneMap;
 use render_core::scene::{Scene, SceneSettings, SettingsError};
 use renderer::settings::{
-    Aov, Lighting, MOVING_ANCHORS, PixelShading, RenderSettings, SampleCount, Size, Stopping, Thresholds, photon_count,
+    Aov, Lighting, PixelShading, RenderSettings, SampleCount, Size, Stopping, Thresholds, moving_anchors, photon_count,
 };
 use std::path::{Path, PathBuf};
 
@@ -116,7 +116,7 @@ impl Options {
             compensation: self.compensation.get_or_insert(Switch::On).is_on(),
             bounces: self.bounces,
             vpls,
-            moving_vpls: MOVING_ANCHORS,
+            moving_vpls: moving_anchors(scene),
             photons: *self.photons.get_or_insert(photon_count(scene, vpls, expected_qscale)),
             seed: *self.seed.get_or_insert(1),
             thresholds,

@@ -25,9 +25,11 @@ use render_core::scene::Scene;
 const PHOTONS_PER_ANCHOR: [u64; 3] = [36, 18, 9];
 /// Number of anchor lights on dynamic geometry, each evaluated at every record. In `cornell`, the relative MSE against
 /// the path tracer is 1.6·10⁻³ with 24 anchors, two or three per side of a block. It is 4.5·10⁻⁴ with 96 anchors, which
-/// need 2 % more shadow rays. With few anchors, one near the ground lights a spot: next to the feet of Khronos'
-/// CesiumMan in a studio, the RMSE is 8.2 codes with 96 anchors and 4.7 with 256, in the same time.
-pub const MOVING_ANCHORS: usize = 256;
+/// need 2 % more shadow rays.
+const MOVING_ANCHORS: usize = 96;
+/// Number of anchor lights on dynamic geometry in a studio. With few anchors, one near the ground lights a spot: next to
+/// the feet of Khronos' CesiumMan, the RMSE is 8.2 codes with 96 anchors and 4.7 with 256, in the same time.
+const STUDIO_MOVING_ANCHORS: usize = 256;
 
 /// Settings that affect the light of a film, but not its output files or coding.
 #[derive(Clone, Debug)]
@@ -109,6 +111,12 @@ pub struct RenderSettings {
 /// ground are up to twice too bright. With 100 000, stills of DamagedHelmet and CesiumMilkTruck have 3 and 5 % less RMSE
 /// against path tracing, for up to 0.2 CPU s.
 const STUDIO_PHOTONS: u64 = 100_000;
+
+/// Returns the number of anchor lights on the dynamic geometry of a scene.
+#[must_use]
+pub fn moving_anchors(scene: &Scene) -> usize {
+    if scene.ground.is_some() { STUDIO_MOVING_ANCHORS } else { MOVING_ANCHORS }
+}
 
 /// Returns the number of photons for a film of a scene with `vpls` anchor lights, coded with quantiser_scale `qscale`.
 #[must_use]
