@@ -9,7 +9,7 @@
 //! A ray that hit each sheet by chance would show its grain in mirrors.
 
 use super::coated::Coated;
-use super::reflections::{Passed, ReflectedRay, Reflections};
+use super::reflections::{LEAST_SHARE, Passed, ReflectedRay, Reflections};
 use crate::frame::Frame;
 use glam::{Vec3, Vec3A};
 use render_core::{Hit, Layered, PosedScene, Surface, luminance};
@@ -17,9 +17,6 @@ use std::f32::consts::PI;
 
 /// Maximum number of coats through which a ray is followed.
 const MOST_COATS: usize = 4;
-/// Minimum fraction of the pixel's light that the reflection of a coat must have to be followed, if the first coat is
-/// smooth.
-pub(super) const LEAST_SHARE: f32 = 0.02;
 /// Minimum fraction of the pixel's light if the first coat is rough, for smooth and for rough coats within it. With
 /// these values, rays are followed from metal to metal, and rarely otherwise. With 0.1 for both, a closed room of metal
 /// with roughness 0.5 has 1 % less light.
@@ -31,7 +28,7 @@ pub(super) const FAINT_SHARE: f32 = 0.15;
 const MOSTLY_OPAQUE: f32 = 0.5;
 
 /// Ray on its way from coat to coat.
-struct Way<'a> {
+struct CoatPath<'a> {
     ray: ReflectedRay,
     /// Whether the first coat is rough.
     blurred: bool,
@@ -49,7 +46,7 @@ impl Reflections<'_> {
         let Frame { accelerator, surfaces, epsilon, .. } = self.prepared;
         let (mut origin, mut direction, mut throughput) = (origin, ray.direction, Vec3::ONE);
         let mut sum = Vec3::ZERO;
-        let mut path = Way { ray, blurred, rough: blurred, passed };
+        let mut path = CoatPath { ray, blurred, rough: blurred, passed };
         let (mut way, mut first) = (0.0, f32::INFINITY);
         for coats in 0..=MOST_COATS {
             // Find the surfaces on the ray's path, and add the light of sheets before the first opaque surface.
@@ -99,7 +96,7 @@ impl Reflections<'_> {
 
             // Light the base. A coat that is not followed reflects as a portion of the base.
             let albedo = if ends { diffuse + coat } else { diffuse };
-            sum += throughput * self.of_base(&hit, &surface, (&met, albedo), &path);
+            sum += throughput * self.of_base(&hit, &surface, &met, albedo, &path);
             if ends {
                 break;
             }
@@ -116,7 +113,7 @@ impl Reflections<'_> {
 
     /// Returns the radiance of a sheet toward the start of a ray \[W·m⁻²·sr⁻¹\]. The sheet's coat reflects as a portion
     /// of its base.
-    fn of_sheet(&mut self, hit: &Hit, surface: &Surface, path: &Way) -> Vec3 {
+    fn of_sheet(&mut self, hit: &Hit, surface: &Surface, path: &CoatPath) -> Vec3 {
         let emission = self.emission(hit, surface, path.rough);
         if self.is_unlit(hit) {
             return emission;
@@ -126,7 +123,7 @@ impl Reflections<'_> {
         }
         let met = Coated::of_hit(surface, hit, path.ray.direction, None, self.prepared.epsilon);
         let albedo = met.diffuse_albedo() + met.mirror_albedo();
-        emission + self.of_base(hit, surface, (&met, albedo), path)
+        emission + self.of_base(hit, surface, &met, albedo, path)
     }
 
     /// Returns the emission of a surface along a ray, unless it is counted elsewhere: rough coats have added sampled
@@ -143,13 +140,13 @@ impl Reflections<'_> {
     }
 
     /// Returns the radiance of a surface `met` as a matte surface with this albedo \[W·m⁻²·sr⁻¹\].
-    fn of_base(&mut self, hit: &Hit, surface: &Surface, (met, albedo): (&Coated, Vec3), path: &Way) -> Vec3 {
+    fn of_base(&mut self, hit: &Hit, surface: &Surface, met: &Coated, albedo: Vec3, path: &CoatPath) -> Vec3 {
         let Frame { accelerator, surfaces, gather, .. } = self.prepared;
         if let Some(irradiance) = self.known.and_then(|known| known(hit, surface)) {
             return albedo / PI * irradiance;
         }
         // The light of a studio is smooth, so surfels suffice for faint reflections.
-        let Way { ray, blurred, .. } = *path;
+        let CoatPath { ray, blurred, .. } = *path;
         let in_studio = surfaces.scene().ground.is_some();
         if blurred || ray.is_faint || in_studio && ray.share < FAINT_SHARE {
             let whole = luminance(met.diffuse_albedo() + met.mirror_albedo());

@@ -1,6 +1,5 @@
 //! Reflection rays, which compute the radiance that arrives at a coat.
 
-use super::along::LEAST_SHARE;
 use super::coated::{Coated, Points};
 use crate::frame::Frame;
 use crate::shade::visibility::sees;
@@ -10,6 +9,9 @@ use ranks::portable;
 use render_core::{Environment, Hit, LightPoints, LobeLight, Media, ShadingPoint, Surface, Traced, luminance};
 use std::f32::consts::PI;
 
+/// Minimum fraction of the pixel's light that the reflection of a coat must have to be followed, if the first coat is
+/// smooth.
+pub(super) const LEAST_SHARE: f32 = 0.02;
 /// Permitted error of a cluster in a lightcut for a single reflection ray, as a fraction of luminance.
 const LOOSE: f32 = 0.1;
 /// Maximum permitted error of a cluster in a lightcut for a reflection ray, as a fraction of luminance.
