@@ -38,6 +38,13 @@ struct CoatPath<'a> {
     passed: &'a Passed,
 }
 
+/// Surface that a ray hits, with its coat.
+struct MetPoint<'a> {
+    hit: &'a Hit,
+    surface: &'a Surface,
+    met: &'a Coated,
+}
+
 impl Reflections<'_> {
     /// Returns the radiance that arrives at a coat along a ray from `origin`, as [`along`](Self::along) does. `blurred`
     /// is whether the coat is rough, and `passed` are the transparent surfaces before the ray.
@@ -96,7 +103,7 @@ impl Reflections<'_> {
 
             // Light the base. A coat that is not followed reflects as a portion of the base.
             let albedo = if ends { diffuse + coat } else { diffuse };
-            sum += throughput * self.of_base(&hit, &surface, &met, albedo, &path);
+            sum += throughput * self.of_base(&MetPoint { hit: &hit, surface: &surface, met: &met }, albedo, &path);
             if ends {
                 break;
             }
@@ -123,7 +130,7 @@ impl Reflections<'_> {
         }
         let met = Coated::of_hit(surface, hit, path.ray.direction, None, self.prepared.epsilon);
         let albedo = met.diffuse_albedo() + met.mirror_albedo();
-        emission + self.of_base(hit, surface, &met, albedo, path)
+        emission + self.of_base(&MetPoint { hit, surface, met: &met }, albedo, path)
     }
 
     /// Returns the emission of a surface along a ray, unless it is counted elsewhere: rough coats have added sampled
@@ -140,7 +147,8 @@ impl Reflections<'_> {
     }
 
     /// Returns the radiance of a surface `met` as a matte surface with this albedo \[W·m⁻²·sr⁻¹\].
-    fn of_base(&mut self, hit: &Hit, surface: &Surface, met: &Coated, albedo: Vec3, path: &CoatPath) -> Vec3 {
+    fn of_base(&mut self, point: &MetPoint, albedo: Vec3, path: &CoatPath) -> Vec3 {
+        let MetPoint { hit, surface, met } = *point;
         let Frame { accelerator, surfaces, gather, .. } = self.prepared;
         if let Some(irradiance) = self.known.and_then(|known| known(hit, surface)) {
             return albedo / PI * irradiance;
