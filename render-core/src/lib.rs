@@ -54,7 +54,7 @@ pub use ranks::{self, Busy, Timed, process_seconds};
 pub use reconstruct::{reconstruct, reconstruct_counted, sample_offsets};
 pub use reprojected::{
     AuditCounts, CoatView, CoatsInView, Completed, Destination, LobeLight, ReflectedLight, Reprojected,
-    ReprojectedCoats, ReprojectedLight, Reuse, Unseen,
+    ReprojectedCoats, ReprojectedLight, Reuse, Unseen, spread,
 };
 pub use surface::{Paint, Surface, Surfaces};
 pub use swept::SweptVolume;

@@ -14,6 +14,7 @@
 //! estimates are reliable ([`trust`]). A pixel is lit again if its estimated error exceeds the limit set by audits, as
 //! in penumbras. A pixel is also lit if its surface was not visible before.
 
+mod limit;
 mod near;
 mod reflected;
 mod sample;
@@ -23,6 +24,8 @@ use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
 use crate::{Timed, luminance};
 use glam::{Vec2, Vec3, Vec3A};
+pub use limit::spread;
+use limit::{OpenPixel, choose};
 use near::{NearLight, NearSamples};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
@@ -68,6 +71,12 @@ pub struct Reprojected {
     pub missing: Plane<bool>,
     /// Audits, with the reprojected light of the audited pixels.
     audits: Vec<Audit>,
+    /// Whether the number of missing pixels was limited. There are no audits then.
+    is_limited: bool,
+    /// Number of pixels that should be lit, but are not missing.
+    open: usize,
+    /// Open pixels without light, in raster order.
+    bare: Vec<u32>,
 }
 
 /// Light that is reprojected for comparison only.
@@ -93,6 +102,8 @@ pub struct Completed {
     pub irradiance: Plane<[f32; 3]>,
     /// Counts of audited pixels.
     pub audits: AuditCounts,
+    /// Number of pixels with an error above their tolerance, because [`Destination::most`] left them unlit.
+    pub open: usize,
 }
 
 /// Counts of audited pixels that would have been reused without the audit.
@@ -110,7 +121,7 @@ impl Reprojected {
     /// # Panics
     /// If the pictures differ in size.
     pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut ReprojectedLight) -> Completed {
-        let Self { mut irradiance, missing, audits } = self;
+        let Self { mut irradiance, missing, audits, is_limited, open, bare } = self;
         let lit = lit.samples();
 
         // Complete the picture with the new light of missing pixels, which becomes the samples for the next picture.
@@ -124,8 +135,10 @@ impl Reprojected {
         }
 
         let difference = |audit: &Audit| Some((luminance(lit[audit.pixel as usize].into()) - audit.luminance).abs());
-        let audits = judged(audits, difference, &mut light.trust);
-        Completed { irradiance, audits }
+        let audits = if is_limited { AuditCounts::default() } else { judged(audits, difference, &mut light.trust) };
+        // Unlit pixels have no sample, so that the next picture lights them.
+        spread(&mut irradiance, &bare, seen, |k| seen.pixels.samples()[k].reflects());
+        Completed { irradiance, audits, open }
     }
 }
 
@@ -157,6 +170,9 @@ pub struct Destination<'a> {
     /// Maximum mean square error of reprojected light, in squares of the tolerance. Audits adapt the reuse to this
     /// limit.
     pub allowed: f32,
+    /// Maximum number of pixels that are lit, or `None` for all missing ones. The pixels with the largest errors are
+    /// lit. All others have reprojected light despite its error, or the light of pixels around them.
+    pub most: Option<usize>,
 }
 
 /// Contrast of light beyond the outermost samples around a pixel, or between fewer than five samples.
@@ -199,14 +215,22 @@ impl ReprojectedLight {
             .zip(irradiance.samples_mut().par_chunks_mut(strip))
             .zip(missing.samples_mut().par_chunks_mut(strip))
             .enumerate();
-        let audits: Timed<Vec<Vec<Audit>>> = Timed::of(|busy| {
+        let found: Timed<Vec<FoundInStrip>> = Timed::of(|busy| {
             let carry = |(row, ((samples, irradiance), missing))| {
                 busy.measure(|| transfer.carry_strip(row * MACROBLOCK, Strip { samples, irradiance, missing }))
             };
             strips.map(carry).collect()
         });
         self.samples = samples;
-        audits.map(|audits| Reprojected { irradiance, missing, audits: audits.concat() })
+        found.map(|found| {
+            let (mut audits, mut pixels) = (Vec::new(), Vec::new());
+            for FoundInStrip { audits: own, open } in found {
+                audits.extend(own);
+                pixels.extend(open);
+            }
+            let (open, bare) = choose(pixels, to.most.unwrap_or(usize::MAX), &mut missing);
+            Reprojected { irradiance, missing, audits, is_limited: to.most.is_some(), open, bare }
+        })
     }
 
     /// Returns the mean luminance of the samples that are not black.
@@ -300,9 +324,19 @@ struct Strip<'a> {
     missing: &'a mut [bool],
 }
 
+/// Pixels of a strip that need more than reprojected light.
+#[derive(Default)]
+struct FoundInStrip {
+    audits: Vec<Audit>,
+    /// Missing pixels, if their number is limited.
+    open: Vec<OpenPixel>,
+}
+
 /// Result of the reprojection at a pixel.
 enum Outcome {
     Reprojected(Estimate),
+    /// The pixel should be lit again. Its reprojected light has this error, in tolerances.
+    Coarse(Estimate, f32),
     /// The pixel is lit again and compared with the reprojected light.
     Audited(Audit),
     /// The pixel is lit again.
@@ -314,10 +348,10 @@ where
     R: Fn(usize, usize) -> Reuse,
     T: Fn(usize, usize, f32) -> f32,
 {
-    /// Reprojects light to a strip with the first row `top`. Returns the audits of the strip.
-    fn carry_strip(&self, top: usize, strip: Strip) -> Vec<Audit> {
+    /// Reprojects light to a strip with the first row `top`. Returns the audits and open pixels of the strip.
+    fn carry_strip(&self, top: usize, strip: Strip) -> FoundInStrip {
         let pixels = &self.to.seen.pixels;
-        let mut audits = Vec::new();
+        let (mut found, is_limited) = (FoundInStrip::default(), self.to.most.is_some());
         for k in 0..strip.samples.len() {
             // Skip pixels without reflection, for example in the sky.
             let (x, y) = (k % pixels.width(), top + k / pixels.width());
@@ -327,8 +361,14 @@ where
             }
             strip.missing[k] = true;
             match self.outcome(x, y, &pixel) {
+                Outcome::Lost if is_limited => found.open.push(OpenPixel::bare(x, y, pixels.width())),
                 Outcome::Lost => (),
-                Outcome::Audited(audit) => audits.push(audit),
+                Outcome::Audited(audit) => found.audits.push(audit),
+                Outcome::Coarse(estimate, error) => {
+                    found.open.push(OpenPixel::coarse((y * pixels.width() + x) as u32, error));
+                    strip.samples[k] = estimate.sample;
+                    strip.irradiance[k] = estimate.irradiance.to_array();
+                }
                 Outcome::Reprojected(estimate) => {
                     strip.missing[k] = false;
                     strip.samples[k] = estimate.sample;
@@ -336,13 +376,13 @@ where
                 }
             }
         }
-        audits
+        found
     }
 
     /// Determines the result at pixel (x, y), which shows `pixel`.
     fn outcome(&self, x: usize, y: usize, pixel: &PixelSurface) -> Outcome {
         // Reject surfaces that were not visible in the previous frame, and surfaces with changed light.
-        let Destination { seen, known, .. } = self.to;
+        let Destination { seen, known, most, .. } = self.to;
         let Some(from) = known.and_then(|known| known.match_of(x, y)) else { return Outcome::Lost };
         let reuse = (self.reuse)(x, y);
         if reuse == Reuse::Forbidden {
@@ -355,17 +395,22 @@ where
         };
         let (luminance, error) = (luminance(estimate.irradiance), estimate.error);
         let tolerance = (self.tolerance)(x, y, luminance);
-        if error > trust::LARGEST * tolerance {
+        let is_limited = most.is_some();
+        if error > trust::LARGEST * tolerance && !is_limited {
             return Outcome::Lost;
         }
 
         // Audit estimates above the limit too: otherwise the limit could never rise again.
         let is_trusted = error <= self.limit * tolerance;
-        if reuse == Reuse::Audited {
+        if reuse == Reuse::Audited && !is_limited {
             let pixel = (y * seen.pixels.width() + x) as u32;
             return Outcome::Audited(Audit { pixel, luminance, error, noise: 0.0, tolerance, is_trusted });
         }
-        if is_trusted { Outcome::Reprojected(estimate) } else { Outcome::Lost }
+        match is_trusted {
+            true => Outcome::Reprojected(estimate),
+            false if is_limited => Outcome::Coarse(estimate, error / tolerance),
+            false => Outcome::Lost,
+        }
     }
 }
 

@@ -20,6 +20,7 @@
 //!
 //! As for irradiance, samples are copied and never mixed, and audits determine which estimates are reliable.
 
+use super::limit::{OpenPixel, choose};
 use super::near::{NearLight, NearSamples};
 use super::trust::{LARGEST, Trust};
 use super::{Audit, AuditCounts, Reuse, judged};
@@ -114,6 +115,10 @@ pub struct CoatsInView<'a> {
     pub known: Option<&'a Correspondence>,
     /// Maximum mean square error of reprojected light, in squares of the tolerance.
     pub allowed: f32,
+    /// Maximum number of pixels that are lit, or `None` for all missing ones; see [`Destination::most`].
+    ///
+    /// [`Destination::most`]: super::Destination::most
+    pub most: Option<usize>,
 }
 
 /// Light of a picture's coats after reprojection, with the pixels that remain to be lit.
@@ -123,7 +128,13 @@ pub struct ReprojectedCoats {
     pub light: Plane<Option<LobeLight>>,
     /// Mask of the pixels that must be lit. Pixels without a coat are not missing.
     pub missing: Plane<bool>,
+    /// Number of pixels that should be lit, but are not missing. Pixels whose light cannot be reused are not counted.
+    pub open: usize,
+    /// Open pixels without light, in raster order.
+    pub bare: Vec<u32>,
     audits: Vec<Audit>,
+    /// Whether the number of missing pixels was limited. There are no audits then.
+    is_limited: bool,
 }
 
 impl ReprojectedCoats {
@@ -152,7 +163,10 @@ impl ReprojectedCoats {
             let noise2 = lit.noise * lit.noise + audit.noise * audit.noise;
             Some((difference * difference - NOISE * NOISE * noise2).max(0.0).sqrt())
         };
-        judged(self.audits, difference, &mut light.trust)
+        match self.is_limited {
+            true => AuditCounts::default(),
+            false => judged(self.audits, difference, &mut light.trust),
+        }
     }
 }
 
@@ -192,24 +206,43 @@ impl ReflectedLight {
             .zip(light.samples_mut().par_chunks_mut(strip))
             .zip(missing.samples_mut().par_chunks_mut(strip))
             .enumerate();
-        let audits: Timed<Vec<Vec<Audit>>> = Timed::of(|busy| {
+        let is_limited = to.most.is_some();
+        let found: Timed<Vec<(Vec<Audit>, Vec<OpenPixel>)>> = Timed::of(|busy| {
             let carry = |(row, ((samples, light), missing)): (usize, ((&mut [_], &mut [_]), &mut [bool]))| {
                 busy.measure(|| {
-                    let mut audits = Vec::new();
+                    let (mut audits, mut open) = (Vec::new(), Vec::new());
                     for k in 0..samples.len() {
                         let pixel = row * strip + k;
                         let (x, y) = (pixel % width, pixel / width);
                         let Some(coat) = to.coats.get(x, y) else { continue };
                         missing[k] = true;
                         let from = to.known.and_then(|known| known.match_of(x, y));
-                        let Some(found) = from.and_then(|from| before.light_at(&coat, from as usize)) else { continue };
+                        let Some(found) = from.and_then(|from| before.light_at(&coat, from as usize)) else {
+                            if is_limited {
+                                let is_kept = reuse(x, y, 0.0) != Reuse::Forbidden;
+                                open.push(OpenPixel { is_kept, ..OpenPixel::bare(x, y, width) });
+                            }
+                            continue;
+                        };
 
                         // Audit estimates above the limit too: otherwise the limit could never rise again.
                         let reuse = reuse(x, y, found.light.nearness);
                         let (luminance, error) = (luminance(found.light.whole.into()), found.error);
                         let tolerance = tolerance(x, y, luminance);
                         let is_trusted = error <= limit * tolerance;
-                        if reuse == Reuse::Audited && error <= LARGEST * tolerance {
+                        if is_limited {
+                            // Reproject light despite its error. Pixels that are lit get light and sample later.
+                            match reuse {
+                                Reuse::Forbidden => {
+                                    open.push(OpenPixel { is_kept: false, ..OpenPixel::bare(x, y, width) });
+                                }
+                                _ if is_trusted => missing[k] = false,
+                                _ => open.push(OpenPixel::coarse(pixel as u32, error / tolerance)),
+                            }
+                            if reuse != Reuse::Forbidden {
+                                (samples[k], light[k]) = (found.sample, Some(found.light));
+                            }
+                        } else if reuse == Reuse::Audited && error <= LARGEST * tolerance {
                             let noise = found.light.noise;
                             audits.push(Audit { pixel: pixel as u32, luminance, error, noise, tolerance, is_trusted });
                         } else if reuse == Reuse::Allowed && is_trusted {
@@ -218,13 +251,21 @@ impl ReflectedLight {
                             light[k] = Some(found.light);
                         }
                     }
-                    audits
+                    (audits, open)
                 })
             };
             strips.map(carry).collect()
         });
         self.samples = samples;
-        audits.map(|audits| ReprojectedCoats { light, missing, audits: audits.concat() })
+        found.map(|found| {
+            let (audits, pixels): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+            let (open, bare) = choose(pixels.concat(), to.most.unwrap_or(usize::MAX), &mut missing);
+            // Pixels that are lit have no reprojected light.
+            for (light, _) in light.samples_mut().iter_mut().zip(missing.samples()).filter(|(_, missing)| **missing) {
+                *light = None;
+            }
+            ReprojectedCoats { light, missing, open, bare, audits: audits.concat(), is_limited }
+        })
     }
 
     /// Estimates the light of `coat` from the samples around index `from` (raster order), the pixel that showed the same

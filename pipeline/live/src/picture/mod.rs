@@ -23,6 +23,7 @@ use renderer::plan::{Plan, Stage};
 use renderer::settings::{RenderSettings, SampleCount};
 use renderer::{Moment, Preparation, Shading, exposure_of_lit_frames};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use video::LiveVideo;
 
 /// Maximum permitted error of newly visible pixels, relative to luminance.
@@ -68,15 +69,17 @@ pub struct PictureRequest {
     pub detail: Detail,
     /// Whether the picture must be an I picture, such as for a new viewer.
     pub is_intra: bool,
-    /// Whether all light is computed again, within the thresholds in force.
+    /// Whether all light is computed again, within the thresholds in force. The view is the view of the last picture.
     pub is_fresh: bool,
+    /// Maximum fraction of the pixels for which each layer of light is computed; `None` for all that need it.
+    pub budget: Option<f32>,
 }
 
 impl PictureRequest {
     /// Returns a request for a plain picture of `moment`.
     #[must_use]
     pub fn new(moment: Moment, quantiser_scale: u32) -> Self {
-        Self { moment, quantiser_scale, detail: Detail::Plain, is_intra: false, is_fresh: false }
+        Self { moment, quantiser_scale, detail: Detail::Plain, is_intra: false, is_fresh: false, budget: None }
     }
 }
 
@@ -89,6 +92,8 @@ pub struct LivePicture {
     pub seconds: Seconds,
     /// Fraction of the lit pixels for which some light was computed.
     pub shaded_share: f64,
+    /// Fraction of the pixels that the budget left with larger errors than permitted. Pixels count once per layer.
+    pub open_share: f64,
     /// Mean ratio of threshold to luminance.
     pub threshold_mean_relative: f64,
 }
@@ -170,16 +175,28 @@ impl<'a> LiveLoop<'a> {
     /// # Errors
     /// If the standard does not have the quantiser.
     pub fn picture(&mut self, request: PictureRequest) -> LiveResult<LivePicture> {
-        let PictureRequest { moment, quantiser_scale, detail, is_intra, is_fresh } = request;
+        let never = Arc::new(AtomicBool::new(false));
+        Ok(self.picture_unless(request, &never)?.expect("it is not stopped"))
+    }
+
+    /// Renders and codes the next picture. Further samples end as soon as the flag `stop` is true. A fresh picture is
+    /// then discarded: the result is `None`, and the next picture follows the last shown one.
+    ///
+    /// # Errors
+    /// If the standard does not have the quantiser.
+    pub fn picture_unless(
+        &mut self,
+        request: PictureRequest,
+        stop: &Arc<AtomicBool>,
+    ) -> LiveResult<Option<LivePicture>> {
+        let PictureRequest { moment, quantiser_scale, detail, is_intra, is_fresh, budget } = request;
         // Frame 0 has the lights of the film's first frame, so begin with frame 1 at any other time.
         let is_first = self.index == 0;
         if is_first && moment.time != self.begin {
             self.index = 1;
         }
         let index = self.index;
-        if is_fresh {
-            self.shade.forget();
-        }
+        self.shade.set_stop(stop.clone());
 
         // Light the frame within the thresholds of the previous picture.
         let prepared = self.prepare.frame_at(index, moment);
@@ -187,13 +204,22 @@ impl<'a> LiveLoop<'a> {
             Detail::Plain => &self.plans.plain,
             Detail::Fine => &self.plans.fine,
         });
+        if is_fresh {
+            self.shade.set_aside();
+        }
         self.shade.set_quantiser_scale(quantiser_scale);
+        self.shade.set_budget(budget);
         // Newly visible pixels have no threshold; permit the mean error of the last picture.
         let share = (self.threshold_mean_relative as f32).clamp(RELATIVE_FLOOR, LARGEST_SHARE);
         self.shade.set_share_elsewhere(share);
         let known = prepared.correspondence.clone();
         let last = LastThresholds::new(index, self.thresholds.as_ref(), known.as_deref());
         let shaded = self.shade.step(&prepared, last);
+        if is_fresh && stop.load(Ordering::Relaxed) {
+            self.shade.take_back();
+            return self.discarded(index).map(|()| None);
+        }
+        self.shade.keep();
 
         // Show and code it, with the exact motion from the previous picture.
         let Shaded { figures, .. } = &shaded;
@@ -213,7 +239,17 @@ impl<'a> LiveLoop<'a> {
         seconds.thresholds = process_seconds() - is_coded;
         self.index = index.checked_add(1).ok_or(LiveError::TooManyPictures)?;
         seconds.add_up();
-        Ok(LivePicture { packet: coded.packet, seconds, shaded_share, threshold_mean_relative })
+        let open_share = self.shade.open_share();
+        Ok(Some(LivePicture { packet: coded.packet, seconds, shaded_share, open_share, threshold_mean_relative }))
+    }
+
+    /// Goes on after the picture `index`, which was discarded and has the view of the last shown picture.
+    fn discarded(&mut self, index: u32) -> LiveResult<()> {
+        if let Some(thresholds) = &mut self.thresholds {
+            thresholds.of = index;
+        }
+        self.index = index.checked_add(1).ok_or(LiveError::TooManyPictures)?;
+        Ok(())
     }
 
     /// Returns the thresholds that follow from the coding of a picture; `None` without masking.

@@ -3,11 +3,13 @@
 //! | module | contents |
 //! |---|---|
 //! | `stage` | camera, animation and inputs of the controller |
+//! | `budget` | budget of light for pictures in motion |
 //! | `rest` | refinement of a static view up to the quality of a film, then nothing |
 //! | `viewers` | viewers with their queues: the controller steers, the others watch |
 //! | `shared` | the session as threads share it |
 //! | `studio` | the thread that renders |
 
+mod budget;
 mod rest;
 mod shared;
 mod stage;

@@ -1,5 +1,6 @@
 //! The session as threads share it: viewers' messages in, orders for pictures out.
 
+use super::budget::Budget;
 use super::rest::Rest;
 use super::stage::LiveStage;
 use super::viewers::{Outgoing, ViewerId, Viewers};
@@ -11,6 +12,7 @@ use axum::body::Bytes;
 use render_core::scene::Scene;
 use render2mpeg::Settings;
 use renderer::Moment;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use tokio::sync::{mpsc, watch};
@@ -71,6 +73,8 @@ pub struct Joined {
 pub struct Session {
     state: Mutex<SessionState>,
     changed: Condvar,
+    /// True if an input should end the picture in work.
+    interruption: Arc<AtomicBool>,
     /// True after the end.
     ended: watch::Sender<bool>,
     begin: Instant,
@@ -84,6 +88,7 @@ struct SessionState {
     stage: LiveStage,
     viewers: Viewers,
     rest: Rest,
+    budget: Budget,
     /// Moment of the last picture.
     shown: Option<Moment>,
     /// Earliest time of the next picture.
@@ -119,6 +124,7 @@ impl Session {
             stage: LiveStage::new(scene, &settings.render),
             viewers: Viewers::default(),
             rest: Rest::default(),
+            budget: Budget::default(),
             shown: None,
             due: Duration::ZERO,
             input: 0,
@@ -131,6 +137,7 @@ impl Session {
         Self {
             state: Mutex::new(state),
             changed: Condvar::new(),
+            interruption: Arc::default(),
             ended: watch::Sender::new(false),
             begin: Instant::now(),
             width,
@@ -187,7 +194,10 @@ impl Session {
                     flow.acknowledged(now, sequence, Duration::from_micros(held.into()));
                 }
             }
-            ViewerMessage::Control { number, controls } if has_control => state.control(now, number, controls),
+            ViewerMessage::Control { number, controls } if has_control => {
+                state.control(now, number, controls);
+                self.interruption.store(true, Ordering::Relaxed);
+            }
             ViewerMessage::Limits { bits_per_second, best } if has_control => {
                 state.set_limits(id, bits_per_second, best);
             }
@@ -251,6 +261,7 @@ impl Session {
                 self.tell_roles(&state);
             }
             if let Some(order) = state.next(now) {
+                self.interruption.store(false, Ordering::Relaxed);
                 return Some(order);
             }
             // Look again soon while something moves or a picture is on its way.
@@ -261,11 +272,16 @@ impl Session {
         None
     }
 
+    /// Returns the flag that becomes true when an input follows the last order.
+    pub(super) fn interruption(&self) -> Arc<AtomicBool> {
+        self.interruption.clone()
+    }
+
     /// Sends a picture to the viewers.
     pub(super) fn publish(&self, order: &Order, picture: &LivePicture) {
         let (mut state, now) = (self.lock(), self.now());
         let state = &mut *state;
-        state.note(order, picture);
+        state.note(now, order, picture);
         let PictureRequest { moment, quantiser_scale, .. } = order.request;
         state.shown = Some(moment);
         let sent = SentPicture {
@@ -332,8 +348,9 @@ impl SessionState {
         let request = match step {
             Some(step) if step.is_fresh && now < self.calm && !is_intra => return None,
             Some(step) if !is_intra => PictureRequest {
-                detail: Detail::Fine,
+                detail: if step.is_limited { Detail::Plain } else { Detail::Fine },
                 is_fresh: step.is_fresh,
+                budget: step.is_limited.then(|| self.budget.at_rest()),
                 ..PictureRequest::new(moment, step.quantiser_scale)
             },
             None if !is_moving && !is_intra => return None,
@@ -341,7 +358,10 @@ impl SessionState {
                 let quantiser_scale = flow.quantiser(kind, if is_moving { 2 * best } else { best });
                 let is_fine = !is_moving || quantiser_scale <= FINE_MOTION;
                 let detail = if is_fine { Detail::Fine } else { Detail::Plain };
-                PictureRequest { detail, is_intra, ..PictureRequest::new(moment, quantiser_scale) }
+                // Moving objects change light, so that reprojected light would be wrong.
+                let is_limited = is_moving && !self.stage.is_playing();
+                let budget = is_limited.then(|| self.budget.in_motion());
+                PictureRequest { detail, is_intra, budget, ..PictureRequest::new(moment, quantiser_scale) }
             }
         };
         self.due = now + Duration::from_secs_f64(1.0 / self.settings.pictures_per_second);
@@ -349,12 +369,16 @@ impl SessionState {
         Some(Order { request, kind, input: self.input, waited, at: now })
     }
 
-    /// Notes a picture for the refinement of static views.
-    fn note(&mut self, order: &Order, picture: &LivePicture) {
-        let PictureRequest { moment, detail, is_fresh, .. } = order.request;
-        match self.shown == Some(moment) {
-            true => self.rest.refined(picture, detail, is_fresh),
-            false => self.rest.moved(picture),
+    /// Notes a picture for the refinement of static views, and for the budget of pictures in motion.
+    fn note(&mut self, now: Duration, order: &Order, picture: &LivePicture) {
+        let PictureRequest { moment, detail, is_fresh, budget, .. } = order.request;
+        if self.shown == Some(moment) {
+            self.rest.refined(picture, detail, is_fresh);
+            return;
+        }
+        self.rest.moved(picture);
+        if budget.is_some() {
+            self.budget.note(now.saturating_sub(order.at).as_secs_f64(), picture.open_share);
         }
     }
 

@@ -166,7 +166,8 @@ impl Studio {
 
     /// Renders and publishes an ordered picture.
     fn take(&self, live: &mut LiveLoop, order: &Order) -> LiveResult<()> {
-        let picture = self.on_threads(|| live.picture(order.request))?;
+        let stop = self.session.interruption();
+        let Some(picture) = self.on_threads(|| live.picture_unless(order.request, &stop))? else { return Ok(()) };
         self.session.publish(order, &picture);
         match &mut *lock(&self.recording) {
             Some(recording) => recording.write(live.encoder_config(), picture.packet.into()),

@@ -13,6 +13,8 @@ use perceptual::psnr;
 use plane::Plane;
 use render_core::glam::{Affine3A, Quat, Vec3};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Loads the Cornell box, with settings for small pictures.
 fn cornell() -> (Scene, Settings) {
@@ -126,4 +128,75 @@ fn time_and_camera_are_free() {
         assert!(quality > 36.0, "{quality}");
     }
     assert!(psnr(&lumas[0].0, &lumas[1].0) < 36.0, "objects move");
+}
+
+#[test]
+fn a_budget_limits_light_and_a_static_view_completes_it() {
+    let (scene, settings) = cornell();
+    let plans = LivePlans::new(&scene, &settings);
+    let [mut limited, mut whole] = [(); 2].map(|()| LiveLoop::new(&scene, &settings, &plans).unwrap());
+    let luma = |picture: &LivePicture| picture.packet.reconstruction.luma().clone();
+    const BUDGET: f32 = 0.02;
+    let (mut open, mut share) = (0.0f64, 0.0f64);
+    for step in 0..8 {
+        let request = PictureRequest::new(moment(&scene, &settings, 2 * step), 4);
+        let budget = (step > 0).then_some(BUDGET);
+        let picture = limited.picture(PictureRequest { budget, ..request }).unwrap();
+        let truth = luma(&whole.picture(request).unwrap());
+        // Each of three layers may light its own pixels.
+        if step > 0 {
+            assert!(picture.shaded_share <= 1.2 * 3.0 * f64::from(BUDGET), "{}", picture.shaded_share);
+            open = open.max(picture.open_share);
+        }
+        let shown = luma(&picture);
+        for (k, (&shown, &truth)) in shown.samples().iter().zip(truth.samples()).enumerate() {
+            assert!(truth < 60 || shown > 30, "step {step}, pixel {k}: {shown} instead of {truth}");
+        }
+        let quality = psnr(&shown, &truth);
+        assert!(quality > 28.0, "{quality} dB");
+    }
+    assert!(open > 0.02, "the budget is used up: {open}");
+
+    // At rest, the budget soon lights all pixels.
+    let at_rest = PictureRequest::new(moment(&scene, &settings, 14), 2);
+    let mut pictures = 0;
+    loop {
+        let picture = limited.picture(PictureRequest { budget: Some(2.0 * BUDGET), ..at_rest }).unwrap();
+        share = share.max(picture.shaded_share);
+        pictures += 1;
+        assert!(pictures < 40, "{}", picture.open_share);
+        if picture.open_share == 0.0 {
+            break;
+        }
+    }
+    let [limited, whole] = [limited, whole].map(|mut live| {
+        let request = PictureRequest { detail: Detail::Fine, ..at_rest };
+        live.picture(request).unwrap();
+        luma(&live.picture(request).unwrap())
+    });
+    let quality = psnr(&limited, &whole);
+    assert!(quality >= 40.0, "{quality} dB after {pictures} pictures");
+}
+
+#[test]
+fn a_stopped_picture_leaves_the_loop_as_it_was() {
+    let (scene, settings) = cornell();
+    let plans = LivePlans::new(&scene, &settings);
+    let mut live = LiveLoop::new(&scene, &settings, &plans).unwrap();
+    let fine = PictureRequest { detail: Detail::Fine, ..PictureRequest::new(moment(&scene, &settings, 0), 4) };
+    live.picture(fine).unwrap();
+    let before = live.picture(fine).unwrap();
+
+    let stop = Arc::new(AtomicBool::new(true));
+    let stopped = live.picture_unless(PictureRequest { is_fresh: true, ..fine }, &stop).unwrap();
+    assert!(stopped.is_none() && live.pictures() == 2);
+    let after = live.picture(fine).unwrap();
+    assert!(after.shaded_share < 0.3, "light is reprojected: {}", after.shaded_share);
+    let [before, after] = [before, after].map(|picture| picture.packet.reconstruction.luma().clone());
+    assert!(psnr(&before, &after) >= 40.0);
+
+    // Without a stop, all light is computed.
+    let never = Arc::new(AtomicBool::new(false));
+    let fresh = live.picture_unless(PictureRequest { is_fresh: true, ..fine }, &never).unwrap().unwrap();
+    assert_eq!(fresh.shaded_share, 1.0);
 }

@@ -74,7 +74,7 @@ fn macroblock(
             reflects.push((place, pixel));
         }
     }
-    if reflects.is_empty() {
+    if reflects.is_empty() || visible.has_stopped() {
         return (light, 0);
     }
 

@@ -28,7 +28,7 @@ impl Shading<'_> {
         let scene = PosedScene::new(&frame.accelerator, &frame.surfaces);
         let matte = centers.below.as_ref().unwrap_or(seen);
         let first = FirstSample { matte, indirect: &lit.samples[0].indirect, coats: lit.coats.as_ref() };
-        while let Some((place, wanted)) = fine.next(width, height, &curve) {
+        while let Some((place, wanted)) = fine.next(width, height, &curve).filter(|_| !self.has_stopped()) {
             let own = lit.visibility.take(GBuffer::trace_wanted(place, scene, &seen.view, &wanted));
             let of_sample = self.surfaces_of(frame, Some(own));
             let points = LightPoints::Quarter(fine.count());

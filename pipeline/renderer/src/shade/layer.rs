@@ -20,6 +20,7 @@ use render_core::{GBuffer, Hit, LightPoints, ShadingPoint, Surface};
 use std::f32::consts::PI;
 use std::fmt::Debug;
 use std::ops::AddAssign;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Component of every pixel's light, with its own state between frames.
 pub trait Layer: Send {
@@ -37,6 +38,10 @@ pub trait Layer: Send {
 
     /// Adapts to the quantiser_scale of the next frames, 1…112.
     fn set_quantiser_scale(&mut self, _quantiser_scale: u32) {}
+
+    /// Limits the pixels for which the layer computes light in the next frames to a `share` of all pixels, as far as the
+    /// layer reprojects light. All others keep larger errors. `None` removes the limit.
+    fn set_budget(&mut self, _share: Option<f32>) {}
 
     /// Keeps the data of the channel `aov` from the next frame on, if the layer provides that channel.
     fn keep(&mut self, _aov: Aov) {}
@@ -152,6 +157,15 @@ pub struct Visible<'a> {
     pub(super) movement: &'a Movement,
     /// Light that is known before the frame is lit; `None` if photons and virtual lights represent all light.
     pub(super) known: Option<&'a dyn KnownLight>,
+    /// Flag after which the light is discarded, so that layers may return any; `None` if it never is.
+    pub(super) stop: Option<&'a AtomicBool>,
+}
+
+impl Visible<'_> {
+    /// Returns whether the light will be discarded.
+    pub(super) fn has_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed))
+    }
 }
 
 #[cfg(test)]
@@ -171,6 +185,7 @@ impl<'a> Visible<'a> {
             ranks: &ranks::Alone,
             movement: &MOVEMENT,
             known: None,
+            stop: None,
         }
     }
 }
@@ -184,6 +199,8 @@ pub struct Lit {
     pub radiance: Option<Plane<Vec3>>,
     /// Whether each pixel's light was computed, not reprojected; `None` if no light can be reprojected.
     pub computed: Option<Plane<bool>>,
+    /// Number of pixels whose errors exceed their tolerance, because a budget left them unlit.
+    pub open: u64,
     /// Number of traced shadow rays.
     pub rays: u64,
     /// CPU time, summed over threads \[s\].
@@ -217,6 +234,7 @@ impl Lit {
 
     /// Adds the counts and times of `other`, but not the light, which may belong to another sample.
     pub(super) fn add_counts(&mut self, other: Self) {
+        self.open += other.open;
         self.rays += other.rays;
         self.seconds += other.seconds;
         self.cuts += other.cuts;

@@ -165,6 +165,13 @@ impl Layers {
         }
     }
 
+    /// Limits the pixels for which every layer computes light in the next frames to a `share` of all pixels.
+    pub fn set_budget(&mut self, share: Option<f32>) {
+        for layer in self.direct.iter_mut().chain(&mut self.indirect) {
+            layer.set_budget(share);
+        }
+    }
+
     /// Discards the state of earlier frames in every layer.
     pub fn forget(&mut self) {
         self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());

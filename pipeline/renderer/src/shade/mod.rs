@@ -83,6 +83,7 @@ use render_core::{AuditCounts, Busy, Coverage, GBuffer, InstanceShares, PixelSam
 use sample::Sample;
 use samples::{Common, SampleSurfaces, SamplesLight};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use tiles::Tiling;
 
 /// Number of rays per pixel and axis that find the fraction of a pixel covered by each object: 16 × 16 rays.
@@ -95,6 +96,14 @@ pub struct Shading<'a> {
     /// Permitted fraction of luminance for pixels without a threshold.
     share_elsewhere: f32,
     layers: Layers,
+    /// Maximum fraction of the pixels for which each layer computes light; `None` without a limit.
+    budget: Option<f32>,
+    /// Fraction of the lit pixels of the last frame whose errors exceed their tolerance.
+    open_share: f64,
+    /// Flag that ends further samples, and the light of frames that may be discarded.
+    stop: Arc<AtomicBool>,
+    /// State of earlier frames, to which a discarded frame returns; `None` if the next frame is not discarded.
+    aside: Option<Aside>,
     /// Poses of the instances in the previous frame; empty before the first frame.
     places: Vec<Option<InstancePose>>,
     /// Light of a static frame, reused for the next frame.
@@ -135,6 +144,10 @@ impl<'a> Shading<'a> {
             settings: settings.clone(),
             plan,
             share_elsewhere: settings.thresholds.share_elsewhere(),
+            budget: None,
+            open_share: 0.0,
+            stop: Arc::default(),
+            aside: None,
             layers,
             places: Vec::new(),
             still: None,
@@ -170,6 +183,56 @@ impl<'a> Shading<'a> {
         self.share_elsewhere = share;
     }
 
+    /// Limits the pixels for which each layer computes light to a `share` of the frame, in the next frames. All others
+    /// have reprojected light despite its error, or the light of pixels around them. Films have no limit, which is
+    /// `None`.
+    ///
+    /// Frames with a limit are lit within their thresholds only if [`open_share`](Self::open_share) is 0.
+    pub fn set_budget(&mut self, share: Option<f32>) {
+        self.budget = share;
+        self.layers.set_budget(share);
+    }
+
+    /// Returns the fraction of the pixels of the last frame whose errors exceed their tolerance because of the limit of
+    /// [`set_budget`](Self::set_budget). Pixels count once per layer.
+    #[must_use]
+    pub fn open_share(&self) -> f64 {
+        self.open_share
+    }
+
+    /// Ends further samples of pixels as soon as the flag `stop` is true. Frames after [`set_aside`](Self::set_aside)
+    /// then end with any light, so that [`take_back`](Self::take_back) must follow.
+    pub fn set_stop(&mut self, stop: Arc<AtomicBool>) {
+        self.stop = stop;
+    }
+
+    fn has_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Sets the state of earlier frames aside: the next frame is lit like the first frame of a film, and may be
+    /// discarded.
+    pub fn set_aside(&mut self) {
+        let empty = Layers::new(&self.settings, self.plan, &self.sharing());
+        let layers = std::mem::replace(&mut self.layers, empty);
+        let (places, still) = (std::mem::take(&mut self.places), self.still.take());
+        self.aside = Some(Aside { layers, places, still });
+        self.forget();
+    }
+
+    /// Keeps the frame after [`set_aside`](Self::set_aside), and drops the state before it.
+    pub fn keep(&mut self) {
+        self.aside = None;
+    }
+
+    /// Discards the frame after [`set_aside`](Self::set_aside), and returns to the state before it. Importance and
+    /// calibration begin again.
+    pub fn take_back(&mut self) {
+        if let Some(Aside { layers, places, still }) = self.aside.take() {
+            (self.layers, self.places, self.still) = (layers, places, still);
+        }
+    }
+
     /// Uses another plan of the same scene from the next frame on. It may differ from the plan so far in the stages
     /// [`Stage::Antialiasing`] and [`Stage::FineSamples`] only.
     pub fn set_plan(&mut self, plan: &'a Plan) {
@@ -199,6 +262,13 @@ impl<'a> Shading<'a> {
         self.layers.indirect = vec![layer];
         self
     }
+}
+
+/// State of earlier frames, while another one may be discarded.
+struct Aside {
+    layers: Layers,
+    places: Vec<Option<InstancePose>>,
+    still: Option<LitFrame>,
 }
 
 /// Returns the initial calibration; `None` without calibrated stopping.
@@ -279,6 +349,7 @@ impl Shading<'_> {
         let (lit, audits) = match self.still.take().filter(|still| still.is_of(frame)) {
             Some(still) => {
                 (figures.shaded_share, figures.reprojected_share) = (0.0, 1.0);
+                self.open_share = 0.0;
                 (still, Audits::default())
             }
             None => self.light(prepared, tolerance, ahead, &mut figures),
@@ -330,7 +401,7 @@ impl Shading<'_> {
 
         // Keep the light if the next frame may reuse it.
         let importance = importance.map(|map| Arc::new(map.importance.clone()));
-        self.still = may_stay.then_some(lit);
+        self.still = (may_stay && self.budget.is_none() && !self.has_stopped()).then_some(lit);
         (Shaded { radiance, outlines, importance, channels, header, watched, figures }, audits)
     }
 
@@ -381,7 +452,9 @@ impl Shading<'_> {
         let known = known.as_ref().map(|known| known as &dyn KnownLight);
         #[cfg(not(feature = "bake"))]
         let known = None;
-        let common = Common { movement: &movement, known, ranks: &*ranks, tolerance };
+        let stop = self.stop.clone();
+        let stop = self.aside.is_some().then_some(&*stop);
+        let common = Common { movement: &movement, known, ranks: &*ranks, tolerance, stop };
         let mut lit = SamplesLight { importance: ahead, ..SamplesLight::default() };
         for sample in 0..self.settings.samples.most() as usize {
             // After the first sample, select the pixels by importance.
@@ -505,6 +578,8 @@ impl Shading<'_> {
         let coverage =
             coverage.or_else(|| self.coverage(&prepared.frame, &samples[0], !layers.is_empty(), &visibility));
         self.places = places;
+        let pixels = prepared.frame.seen.pixels.samples().len().max(1);
+        self.open_share = (direct.open + indirect.open) as f64 / pixels as f64;
 
         // Sum the times and counts of all samples.
         figures.seconds.visibility += visibility.seconds();

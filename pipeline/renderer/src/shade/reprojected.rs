@@ -11,7 +11,7 @@ use crate::settings::Aov;
 use pipeline::error::Result;
 use pipeline::state::{decode, encode};
 use plane::Plane;
-use render_core::{Busy, Completed, Destination, ReprojectedLight, Reuse, Unseen};
+use render_core::{Busy, Completed, Destination, GBuffer, ReprojectedLight, Reuse, Unseen};
 use serde::{Deserialize, Serialize};
 
 /// quantiser_scale at which the permitted mean square error of reprojection is 1, in units of ΔY². Like the error of
@@ -48,12 +48,20 @@ pub(super) struct Reprojected<L> {
     light: ReprojectedLight,
     /// Permitted mean square error of reprojection; see [`Destination::allowed`].
     allowed: f32,
+    /// Maximum fraction of the pixels for which light is computed; `None` without a limit.
+    budget: Option<f32>,
+}
+
+/// Returns the number of pixels of `surfaces` that are lit with a `budget`.
+pub(super) fn most_lit(budget: Option<f32>, surfaces: &GBuffer) -> Option<usize> {
+    budget.map(|share| (share * surfaces.pixels.samples().len() as f32).ceil() as usize)
 }
 
 impl<L> Reprojected<L> {
     /// Wraps `layer` for a film coded with `quantiser_scale`, 1…112.
     pub fn new(layer: L, quantiser_scale: u32) -> Self {
-        Self { layer, light: ReprojectedLight::default(), allowed: allowed_error(quantiser_scale) }
+        let allowed = allowed_error(quantiser_scale);
+        Self { layer, light: ReprojectedLight::default(), allowed, budget: None }
     }
 }
 
@@ -83,7 +91,9 @@ impl<L: Reprojectable> Layer for Reprojected<L> {
         };
         let of_pixel =
             |x, y, irradiance| tolerance.of_irradiance(x, y, matte.pixels.get(x, y).albedo.into(), irradiance);
-        let destination = Destination { seen: matte, known, unseen: L::UNSEEN, allowed: self.allowed };
+        // Light that changes everywhere has no budget: reprojected light would be wrong.
+        let most = most_lit(self.budget.filter(|_| !holds_nowhere), matte);
+        let destination = Destination { seen: matte, known, unseen: L::UNSEEN, allowed: self.allowed, most };
         let reprojected = busy.take(self.light.carry(destination, reuse, of_pixel));
 
         // Let the layer light the remaining pixels.
@@ -91,9 +101,10 @@ impl<L: Reprojectable> Layer for Reprojected<L> {
         let mut lit = self.layer.light(visible, (!holds_nowhere).then_some(&missing), tolerance);
         let computed =
             lit.irradiance.take().unwrap_or_else(|| Plane::filled(missing.width(), missing.height(), [0.0; 3]));
-        let Completed { irradiance, audits, .. } = reprojected.complete(&computed, matte, &mut self.light);
+        let Completed { irradiance, audits, open, .. } = reprojected.complete(&computed, matte, &mut self.light);
         lit += Lit {
             computed: Some(missing),
+            open: open as u64,
             seconds: busy.seconds(),
             audits: Audits { reprojected: audits, ..Audits::default() },
             ..Lit::of_irradiance(irradiance)
@@ -107,6 +118,10 @@ impl<L: Reprojectable> Layer for Reprojected<L> {
 
     fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
         self.allowed = allowed_error(quantiser_scale);
+    }
+
+    fn set_budget(&mut self, share: Option<f32>) {
+        self.budget = share;
     }
 
     fn keep(&mut self, aov: Aov) {

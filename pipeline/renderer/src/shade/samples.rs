@@ -13,6 +13,7 @@ use glam::Vec3;
 use plane::Plane;
 use render_core::ranks::Ranks;
 use render_core::{Busy, Coverage, GBuffer, LightPoints, PixelSample, PosedScene};
+use std::sync::atomic::AtomicBool;
 
 /// Light of all samples of a frame before reconstruction, with times and counts.
 #[derive(Default)]
@@ -48,6 +49,8 @@ pub(super) struct Common<'a> {
     pub ranks: &'a dyn Ranks,
     /// Permitted errors of the pixels.
     pub tolerance: &'a Tolerance<'a>,
+    /// Flag after which the light is discarded; `None` if it never is.
+    pub stop: Option<&'a AtomicBool>,
 }
 
 /// Visible surfaces of one sample of each pixel.
@@ -65,7 +68,7 @@ pub(super) struct SampleSurfaces<'f> {
 impl SampleSurfaces<'_> {
     /// Returns the surfaces for a [`Layer`](super::layer::Layer). `sample` is the sample's number within pixels.
     pub fn visible<'a>(&'a self, prepared: &'a PreparedFrame, sample: usize, common: Common<'a>) -> Visible<'a> {
-        let Common { movement, known, ranks, .. } = common;
+        let Common { movement, known, ranks, stop, .. } = common;
         // Use the G-buffer for samples at the pixel centers.
         let surfaces = self.own.as_ref().unwrap_or(self.seen);
         Visible {
@@ -80,6 +83,7 @@ impl SampleSurfaces<'_> {
             ranks,
             movement,
             known,
+            stop,
         }
     }
 

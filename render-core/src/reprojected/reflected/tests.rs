@@ -44,7 +44,7 @@ fn walk(field: impl Fn(Vec3A) -> f32, frames: usize, step: f32, reuse: Reuse) ->
     for frame in 0..=frames {
         let coats = floor(frame as f32 * step);
         let known = Correspondence::from_motion(Plane::filled(SIDE, SIDE, [step, 0.0]));
-        let to = CoatsInView { coats: &coats, known: (frame > 0).then_some(&known), allowed: 0.25 };
+        let to = CoatsInView { coats: &coats, known: (frame > 0).then_some(&known), allowed: 0.25, most: None };
         // Audit a sixteenth of reused pixels.
         let is_audited = |x: usize, y: usize| (x / 4 + 3 * (y / 4) + frame).is_multiple_of(16);
         let of_pixel = |x: usize, y: usize| {
@@ -117,7 +117,7 @@ fn noise_is_no_error() {
     let coats = floor(0.0);
     let noisy = |x: usize, y: usize| 1.0 + 0.5 * ((x * 7 + y * 13) % 5) as f32 / 4.0;
     let first = light.carry(
-        CoatsInView { coats: &coats, known: None, allowed: 0.25 },
+        CoatsInView { coats: &coats, known: None, allowed: 0.25, most: None },
         |_, _, _| Reuse::Allowed,
         |_, _, _| 0.02,
     );
@@ -127,7 +127,7 @@ fn noise_is_no_error() {
     });
     let _ = first.value.complete(&lit, &coats, &mut light);
     let (coats, known) = (floor(0.4), Correspondence::from_motion(Plane::filled(SIDE, SIDE, [0.4, 0.0])));
-    let to = CoatsInView { coats: &coats, known: Some(&known), allowed: 0.25 };
+    let to = CoatsInView { coats: &coats, known: Some(&known), allowed: 0.25, most: None };
     let next = light.carry(to, |_, _, _| Reuse::Allowed, |_, _, _| 0.02).value;
     let missing = |margin: usize| {
         let inner = margin..SIDE - margin;

@@ -3,6 +3,7 @@
 use crate::shade::gradient_sum::GradientSum;
 use glam::Vec3A;
 use lighttree::Cluster;
+use render_core::cache::Site;
 use render_core::{Gathered, PACKET};
 
 /// Lightcut and final gather of a record.
@@ -27,6 +28,21 @@ pub(super) struct Recipe {
 }
 
 impl Recipe {
+    /// Returns the recipe of a record in the open without light.
+    pub fn dark(site: &Site) -> Self {
+        Self {
+            size: 0,
+            clusters: Box::default(),
+            visible: Box::default(),
+            surroundings: Gathered::of_distances(f32::INFINITY, f32::INFINITY),
+            reflected: GradientSum::ZERO,
+            near_moving: false,
+            position: site.position,
+            normal: site.normal,
+            threshold: 0.0,
+        }
+    }
+
     /// Discards all data that a static record does not need. The distances of the record's surroundings remain.
     pub fn forget_light(&mut self) {
         (self.clusters, self.visible) = Default::default();

@@ -89,6 +89,10 @@ impl Illumination for TreeLight<'_> {
         let CutScratch { cuts, audits } = scratch;
         let tree = &self.visible.frame.tree;
         let receiver = self.receiver(site);
+        if self.visible.has_stopped() {
+            let recipe = Recipe::dark(site);
+            return Computed { light: self.estimate(&receiver, &recipe), recipe };
+        }
         let (surroundings, reflected) = self.surroundings(&receiver, site.key);
         let white = Lambert {
             position: receiver.position.into(),

@@ -153,7 +153,7 @@ fn reflected(
         let mut reflections = Reflections { prepared: frame, scratch, points: visible.points, shadow_rays: 0, known };
         let mut lobes = Vec::with_capacity(columns.len() * rows.len());
         for (x, y) in places(columns, rows) {
-            let lobe = lobe_of(x, y);
+            let lobe = lobe_of(x, y).or_else(|| visible.has_stopped().then(Lobe::default));
             lobes.push(lobe.unwrap_or_else(|| own_lobe(visible.known, &mut reflections, seen, x, y)));
         }
         shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);
@@ -184,7 +184,7 @@ fn reflected(
         let mut reflections = Reflections { prepared: frame, scratch, points: visible.points, shadow_rays: 0, known };
         let mut pixels = Vec::with_capacity(columns.len() * rows.len());
         for (x, y) in places(columns, rows) {
-            let is_lit = is_lit(x, y);
+            let is_lit = is_lit(x, y) && !visible.has_stopped();
             pixels.push(if is_lit { traced.reflected(&mut reflections, seen, x, y) } else { Reflected::default() });
         }
         shadow_rays.fetch_add(reflections.shadow_rays, Ordering::Relaxed);

@@ -18,14 +18,16 @@ use crate::shade::audits::{Audits, reuse_in_turns};
 use crate::shade::direct::{margin, shades};
 use crate::shade::layer::{Layer, Lit, Visible};
 use crate::shade::movement::{MovingBox, Sphere};
-use crate::shade::reprojected::allowed_error;
+use crate::shade::reprojected::{allowed_error, most_lit};
 use crate::shade::tolerance::Tolerance;
 use glam::Vec3;
 use pipeline::error::Result;
 use pipeline::state::{decode, encode};
 use plane::Plane;
 use rayon::prelude::*;
-use render_core::{Busy, CoatView, CoatsInView, DirectLights, LobeLight, MACROBLOCK, ReflectedLight, Reuse, luminance};
+use render_core::{
+    Busy, CoatView, CoatsInView, DirectLights, LobeLight, MACROBLOCK, ReflectedLight, Reuse, luminance, spread,
+};
 use std::f32::consts::PI;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -44,6 +46,8 @@ pub(in crate::shade) struct ReprojectedCoats {
     light: ReflectedLight,
     /// Permitted mean square error of reprojection, in squares of the tolerance.
     allowed: f32,
+    /// Maximum fraction of the pixels for which light is computed; `None` without a limit.
+    budget: Option<f32>,
     /// Lamps of the previous frame; `None` before the first frame.
     lamps: Option<Arc<DirectLights>>,
     /// Intensities of the virtual lights in the previous frame.
@@ -54,7 +58,7 @@ impl ReprojectedCoats {
     /// Creates the layer for a film coded with `quantiser_scale`, 1…112.
     pub fn new(quantiser_scale: u32) -> Self {
         let allowed = allowed_error(quantiser_scale);
-        Self { light: ReflectedLight::default(), allowed, lamps: None, intensities: Vec::new() }
+        Self { light: ReflectedLight::default(), allowed, budget: None, lamps: None, intensities: Vec::new() }
     }
 
     /// Returns whether lamps and virtual lights are nearly unchanged, and stores the lights of `frame`.
@@ -191,7 +195,8 @@ impl Layer for ReprojectedCoats {
             tolerance.of_coat(x, y, luminance(radiance.get(x, y)), albedo * light) / albedo
         };
         let views = coats.map(|coat| coat.map(|coat| coat.view));
-        let to = CoatsInView { coats: &views, known, allowed: self.allowed };
+        let most = most_lit(self.budget.filter(|_| holds), seen);
+        let to = CoatsInView { coats: &views, known, allowed: self.allowed, most };
         let reprojected = busy.take(self.light.carry(to, reuse, of_lobe));
 
         // Trace the remaining pixels, which share the light of reprojected neighbors.
@@ -225,10 +230,25 @@ impl Layer for ReprojectedCoats {
                 }
             }
         }
+        // Pixels without light have the light of coats around them.
+        if !reprojected.bare.is_empty() {
+            let albedo = |coat: PixelCoat| coat.albedo.max(Vec3::splat(LEAST_ALBEDO));
+            let mut spread_light = Plane::from_fn(width, height, |x, y| {
+                coats.get(x, y).map_or([0.0; 3], |coat| (reflected.get(x, y).light / albedo(coat)).to_array())
+            });
+            spread(&mut spread_light, &reprojected.bare, seen, |k| coats.samples()[k].is_some());
+            for &index in &reprojected.bare {
+                let coat = coats.samples()[index as usize].expect("only coats are open");
+                let light = coat.albedo * Vec3::from(spread_light.samples()[index as usize]);
+                reflected.samples_mut()[index as usize] = Reflected { light, ..Reflected::default() };
+            }
+        }
+        let open = reprojected.open as u64;
         let audits = reprojected.complete(&lit, &views, &mut self.light);
         Lit {
             radiance: Some(with_sparks(&reflected, seen, &busy)),
             computed: Some(missing),
+            open,
             audits: Audits { reprojected: audits, ..Audits::default() },
             ..counted(shadow_rays, &busy)
         }
@@ -240,6 +260,10 @@ impl Layer for ReprojectedCoats {
 
     fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
         self.allowed = allowed_error(quantiser_scale);
+    }
+
+    fn set_budget(&mut self, share: Option<f32>) {
+        self.budget = share;
     }
 
     fn state(&self) -> Vec<u8> {

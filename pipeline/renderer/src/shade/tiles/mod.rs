@@ -120,7 +120,7 @@ impl Tiling {
         let most = shading.settings.samples.most() as usize;
         let surfaces: Vec<SampleSurfaces> =
             (0..most).map(|sample| shading.surfaces(&prepared.frame, sample, &lit.visibility)).collect();
-        let common = Common { movement: &movement, known: None, ranks: &Alone, tolerance };
+        let common = Common { movement: &movement, known: None, ranks: &Alone, tolerance, stop: None };
         let of_sample = |sample: usize| surfaces[sample].visible(prepared, sample, common);
         let frame = FrameSamples { visible: (0..most).map(of_sample).collect(), tolerance };
         self.workers.begin(&mut shading.layers, &frame.visible[0], tolerance);
