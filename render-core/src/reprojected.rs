@@ -408,7 +408,11 @@ where
         }
         match is_trusted {
             true => Outcome::Reprojected(estimate),
-            false if is_limited => Outcome::Coarse(estimate, error / tolerance),
+            // Large errors make extrapolation unreliable: next to shadows, it may even be black.
+            false if is_limited => {
+                let irradiance = estimate.sample.irradiance();
+                Outcome::Coarse(Estimate { irradiance, ..estimate }, error / tolerance)
+            }
             false => Outcome::Lost,
         }
     }
