@@ -33,8 +33,8 @@ impl Budget {
         (AT_REST.0 * self.share).max(AT_REST.1)
     }
 
-    /// Adapts the budget to a picture in motion that took `seconds`. `open_share` is the fraction of the pixels that it left with
-    /// larger errors than permitted.
+    /// Adapts the budget to a picture in motion that took `seconds`. `open_share` is the fraction of the pixels that it
+    /// left with larger errors than permitted.
     pub fn note(&mut self, seconds: f64, open_share: f64) {
         let change = (TARGET / seconds.max(1e-3)).clamp(CHANGES.0, CHANGES.1) as f32;
         // A picture without open pixels did not use its budget.

@@ -1,4 +1,5 @@
-//! Refinement of a static view: light that motion left out, then finer quantisers and samples, then light within finer thresholds, then nothing.
+//! Refinement of a static view: light that motion left out, then finer quantisers and samples, then light within finer
+//! thresholds, then nothing.
 
 use crate::picture::{Detail, LivePicture};
 

@@ -12,7 +12,7 @@ use super::coated::Coated;
 use super::reflections::{LEAST_SHARE, Passed, ReflectedRay, Reflections};
 use crate::frame::Frame;
 use glam::{Vec3, Vec3A};
-use render_core::{Hit, Layered, PosedScene, Surface, luminance};
+use render_core::{Hit, Layered, PosedScene, SheetHit, Surface, luminance};
 use std::f32::consts::PI;
 
 /// Maximum number of coats through which a ray is followed.
@@ -60,17 +60,14 @@ impl Reflections<'_> {
             let end = match accelerator.layered(origin, direction, ray.spread * way, ray.spread) {
                 None => accelerator.closest(origin, direction),
                 Some(Layered { sheets, end, .. }) => {
-                    for sheet in sheets {
-                        let distance = way + sheet.hit.distance;
-                        if sheet.opacity >= MOSTLY_OPAQUE {
-                            first = first.min(distance);
+                    path.ray = ReflectedRay { direction, share: ray.share * luminance(throughput), ..ray };
+                    for SheetHit { hit, opacity } in sheets {
+                        sum += throughput * opacity * self.of_sheet(&hit, opacity, way, &path);
+                        throughput *= 1.0 - opacity;
+                        path.ray.share *= 1.0 - opacity;
+                        if opacity >= MOSTLY_OPAQUE {
+                            first = first.min(way + hit.distance);
                         }
-                        let before = throughput * passed.media.transmittance(sheet.hit.distance);
-                        let surface = surfaces.at(&sheet.hit, direction, ray.spread * distance);
-                        let share = ray.share * luminance(before) * sheet.opacity;
-                        path.ray = ReflectedRay { direction, share, ..ray };
-                        sum += before * sheet.opacity * self.of_sheet(&sheet.hit, &surface, &path);
-                        throughput *= 1.0 - sheet.opacity;
                     }
                     end
                 }
@@ -118,19 +115,23 @@ impl Reflections<'_> {
         (sum, first)
     }
 
-    /// Returns the radiance of a sheet toward the start of a ray \[W·m⁻²·sr⁻¹\]. The sheet's coat reflects as a portion
-    /// of its base.
-    fn of_sheet(&mut self, hit: &Hit, surface: &Surface, path: &CoatPath) -> Vec3 {
-        let emission = self.emission(hit, surface, path.rough);
-        if self.is_unlit(hit) {
-            return emission;
-        }
-        if let Some(light) = self.through(hit, surface, path.ray, path.passed) {
-            return emission + light;
-        }
-        let met = Coated::of_hit(surface, hit, path.ray.direction, None, self.prepared.epsilon);
-        let albedo = met.diffuse_albedo() + met.mirror_albedo();
-        emission + self.of_base(&MetPoint { hit, surface, met: &met }, albedo, path)
+    /// Returns the radiance of a sheet toward the start of a ray, which it hits with this `opacity` after `way` meters
+    /// before its last coat \[W·m⁻²·sr⁻¹\]. The sheet's coat reflects as a portion of its base.
+    fn of_sheet(&mut self, hit: &Hit, opacity: f32, way: f32, path: &CoatPath) -> Vec3 {
+        let Frame { surfaces, epsilon, .. } = self.prepared;
+        let arriving = path.passed.media.transmittance(hit.distance);
+        let share = path.ray.share * luminance(arriving) * opacity;
+        let path = &CoatPath { ray: ReflectedRay { share, ..path.ray }, ..*path };
+        let surface = &surfaces.at(hit, path.ray.direction, path.ray.spread * (way + hit.distance));
+        let light = if self.is_unlit(hit) {
+            Vec3::ZERO
+        } else if let Some(light) = self.through(hit, surface, path.ray, path.passed) {
+            light
+        } else {
+            let met = &Coated::of_hit(surface, hit, path.ray.direction, None, *epsilon);
+            self.of_base(&MetPoint { hit, surface, met }, met.diffuse_albedo() + met.mirror_albedo(), path)
+        };
+        arriving * (self.emission(hit, surface, path.rough) + light)
     }
 
     /// Returns the emission of a surface along a ray, unless it is counted elsewhere: rough coats have added sampled

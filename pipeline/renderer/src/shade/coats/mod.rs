@@ -24,7 +24,7 @@
 //!
 //! Glass adds refracted rays (`glass.rs`).
 //!
-//! Reflected surfaces are computed less accurately than visible ones (`reflections.rs`). Coats of roughness ≥ 0.2 show
+//! Reflected surfaces are computed less accurately than visible ones (`along.rs`). Sheets are seen by their opacity. Coats of roughness ≥ 0.2 show
 //! the radiance of photons stored in surfels. In smoother coats, reflected surfaces have direct light and a coarse
 //! lightcut. A smooth coat within a smooth coat reflects light sources by its lobe, and all other light in the mirror
 //! direction.
