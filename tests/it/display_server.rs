@@ -216,8 +216,11 @@ fn a_viewer_that_fails_costs_one_line() {
     assert_eq!(run(folder.path(), words).stderr, "");
     let expected = std::fs::read(folder.path().join("lamp.png")).unwrap();
 
-    // One viewer is absent, one closes at once, one later, and one never reads.
-    let absent = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    // One viewer is absent, one closes at once, one later, and one never reads. The address of the
+    // absent viewer is a client's end of a connection: nobody listens there, and nobody else gets it.
+    let other = TcpListener::bind("127.0.0.1:0").unwrap();
+    let held = TcpStream::connect(other.local_addr().unwrap()).unwrap();
+    let absent = held.local_addr().unwrap().to_string();
     let closing = failing_viewer(drop);
     let reading = failing_viewer(|mut stream| stream.read_exact(&mut [0; 5000]).unwrap());
     let (end, waiting) = mpsc::channel::<()>();
