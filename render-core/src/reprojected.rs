@@ -22,7 +22,7 @@ mod trust;
 
 use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
-use crate::{Timed, luminance};
+use crate::{Busy, Timed, luminance};
 use glam::{Vec2, Vec3, Vec3A};
 pub use limit::spread;
 use limit::{OpenPixel, choose};
@@ -30,7 +30,7 @@ use near::{NearLight, NearSamples};
 use plane::{Correspondence, Plane};
 use rayon::prelude::*;
 pub use reflected::{CoatView, CoatsInView, LobeLight, ReflectedLight, ReprojectedCoats};
-use sample::Sample;
+use sample::{PackedNormal, Sample};
 use trust::Trust;
 
 /// Maximum distance along the surface at which a sample is used \[pixels\].
@@ -116,11 +116,12 @@ pub struct AuditCounts {
 }
 
 impl Reprojected {
-    /// Completes the irradiance with the missing pixels from `lit`, and stores their samples in `light`.
+    /// Completes the irradiance with the missing pixels from `lit`, and stores their samples in `light`. Adds the CPU
+    /// time of the light of pixels without own light to `busy`.
     ///
     /// # Panics
     /// If the pictures differ in size.
-    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut ReprojectedLight) -> Completed {
+    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut ReprojectedLight, busy: &Busy) -> Completed {
         let Self { mut irradiance, missing, audits, is_limited, open, bare } = self;
         let lit = lit.samples();
 
@@ -137,7 +138,7 @@ impl Reprojected {
         let difference = |audit: &Audit| Some((luminance(lit[audit.pixel as usize].into()) - audit.luminance).abs());
         let audits = if is_limited { AuditCounts::default() } else { judged(audits, difference, &mut light.trust) };
         // Unlit pixels have no sample, so that the next picture lights them.
-        spread(&mut irradiance, &bare, seen, |k| seen.pixels.samples()[k].reflects());
+        spread(&mut irradiance, &bare, seen, |k| seen.pixels.samples()[k].reflects(), busy);
         Completed { irradiance, audits, open }
     }
 }
@@ -258,7 +259,7 @@ impl ReprojectedLight {
         let (column, row) = (from % width, from / width);
         let same = self.samples.get(column, row);
         let shading_normal = Vec3A::from(pixel.shading_normal);
-        if same.position == pixel.position && same.normal().dot(shading_normal) >= ALIKE_COSINE {
+        if same.position == pixel.position && same.normal().is_within(ALIKE_COSINE, shading_normal) {
             return Some(Estimate { sample: same, irradiance: same.irradiance(), error: 0.0 });
         }
 
@@ -273,19 +274,28 @@ impl ReprojectedLight {
         // Select the 3×3 samples on the surface of `pixel`, by their positions along it. The other samples bound the
         // brightness of adjacent light.
         let axes = <[Vec3; 2]>::from(frame(normal.into())).map(Vec3A::from);
+        let mut alike = None;
+        let mut is_alike = |normal: PackedNormal| {
+            // Neighbors mostly have the same normal.
+            let is_known = alike == Some(normal);
+            let is_alike = is_known || normal.is_within(ALIKE_COSINE, shading_normal);
+            alike = if is_alike { Some(normal) } else { alike };
+            is_alike
+        };
         let (mut near, mut samples) = (NearSamples::new(usual), [Sample::NONE; 9]);
         for y in row.saturating_sub(1)..(row + 2).min(height) {
             for x in column.saturating_sub(1)..(column + 2).min(width) {
                 let sample = self.samples.get(x, y);
-                near.brightest = near.brightest.max(luminance(sample.irradiance()));
+                let irradiance = sample.irradiance();
+                near.brightest = near.brightest.max(luminance(irradiance));
                 let way = Vec3A::from(sample.position) - position;
                 // Comparisons with NaN (no sample) are false.
                 if way.length_squared() <= reach * reach
                     && way.dot(normal).abs() <= off_plane
-                    && sample.normal().dot(shading_normal) >= ALIKE_COSINE
+                    && is_alike(sample.normal())
                 {
                     samples[near.count()] = sample;
-                    near.add(sample.irradiance(), Vec2::new(way.dot(axes[0]), way.dot(axes[1])));
+                    near.add(irradiance, Vec2::new(way.dot(axes[0]), way.dot(axes[1])));
                 }
             }
         }

@@ -46,6 +46,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         for doubts_left in (0..=DOUBTS).rev() {
             let place = tiles.listed.len();
             self.cover(picture, tiles, &bare, illumination);
+            if illumination.is_discarded() {
+                return self.records.len() - first;
+            }
             if doubts_left == 0 || tiles.listed.len() == place {
                 break;
             }
@@ -93,6 +96,9 @@ impl<R: Send + Sync> IrradianceCache<R> {
         illumination: &I,
     ) {
         for step in STEPS {
+            if illumination.is_discarded() {
+                return;
+            }
             let pixels = bare_pixels(picture, tiles, bare, step);
             let new = self.make(picture, pixels, illumination);
             tiles.list(picture, &self.records, new);

@@ -97,6 +97,12 @@ pub trait Illumination: Sync {
         1.0
     }
 
+    /// Returns whether the cache and its light will be discarded, so that light may have any value from now on. The cache
+    /// then returns soon. Returns false by default.
+    fn is_discarded(&self) -> bool {
+        false
+    }
+
     /// Returns whether [`Illumination::openness`] is certain to have changed little since the previous frame.
     fn is_undisturbed(&self, _site: &Site, _scale: f32) -> bool {
         false

@@ -36,12 +36,13 @@ impl Taught {
 }
 
 /// Neighbors of a frame's records, from all pictures of the frame so far.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct KnownNeighbors {
     pictures: Vec<OfPicture>,
 }
 
 /// Regression sums of the records that were listed for one picture.
+#[derive(Clone)]
 struct OfPicture {
     /// Creation numbers of the records, ascending.
     numbers: Vec<u32>,

@@ -82,6 +82,7 @@ const LARGE_CHUNK: usize = 512;
 /// With the feature `serde`, the cache can be written and read back without any effect on the results. If several ranks
 /// share the work, each rank stores the recipes of its own records. [`kept`](Self::kept) and
 /// [`complete`](Self::complete) collect the recipes.
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct IrradianceCache<R> {
     records: Vec<Record<R>>,
@@ -191,6 +192,10 @@ impl<R: Send + Sync> IrradianceCache<R> {
         tiles.clear();
         tiles.list(&picture, &self.records, needed);
         computed += self.fill(&picture, &mut tiles, moved, illumination);
+        if illumination.is_discarded() {
+            let dark = Plane::filled(seen.pixels.width(), seen.pixels.height(), [0.0; 3]);
+            return CachedLight { irradiance: dark, in_use: 0, computed };
+        }
         let (predicted, taught) = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
 
         // Interpolate the light, and keep the sums for further pictures.
@@ -456,6 +461,7 @@ enum Fate {
 }
 
 /// Changes since the previous frame, which determine the update of a record.
+#[derive(Clone)]
 struct Update {
     frame: u32,
     /// Whether geometry that blocks or reflects light has moved.

@@ -49,7 +49,7 @@ const STILL_HOLDS: f32 = 1.0;
 const STILL_HOLDS_OFF_PLANE: f32 = 0.25;
 
 /// Openness of every pixel of a picture.
-#[derive(Default)]
+#[derive(Clone, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Openness {
     pixels: Plane<Felt>,

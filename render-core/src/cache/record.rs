@@ -6,6 +6,7 @@ use crate::ranks::{Assignment, Ranks};
 use ranks::portable;
 
 /// Record: a site with its light.
+#[derive(Clone)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Record<R> {
     pub site: Site,

@@ -28,7 +28,7 @@ use ranks::portable;
 const MARGIN: usize = 12;
 
 /// State of a frame that is lit in regions.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct FrameRegions {
     update: Option<Update>,
     /// Openness of all regions so far.

@@ -82,7 +82,7 @@ const CHUNK: usize = 64;
 const TOGETHER: usize = 8;
 
 /// Positions and radii of records, in ascending order of radius.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Spheres {
     radii: Vec<f32>,
     /// x, y and z of the centers \[m\].

@@ -6,6 +6,7 @@
 //! | without | first on a lattice of every fourth pixel, then of every second | the weighted mean of lit pixels around it |
 
 use super::trust::LARGEST;
+use crate::Busy;
 use crate::gbuffer::{GBuffer, PixelSurface};
 use glam::{Vec3, Vec3A};
 use plane::Plane;
@@ -23,6 +24,8 @@ const ALIKE_COSINE: f32 = 0.9;
 const OFF_PLANE: f32 = 0.01;
 /// Maximum number of rounds in which light spreads by [`REACH`]. Farther pixels have the mean light of the picture.
 const ROUNDS: usize = 8;
+/// Number of pixels per thread task.
+const CHUNK: usize = 256;
 
 /// Pixel that should be lit.
 #[derive(Clone, Copy, Debug)]
@@ -79,8 +82,14 @@ pub(super) fn choose(mut pixels: Vec<OpenPixel>, most: usize, missing: &mut Plan
 }
 
 /// Sets the light of the `bare` pixels to the weighted mean of the lit pixels around them. Other pixels with indices for
-/// which `has_light` is true are lit. Surfaces are `seen`.
-pub fn spread(light: &mut Plane<[f32; 3]>, bare: &[u32], seen: &GBuffer, has_light: impl Fn(usize) -> bool) {
+/// which `has_light` is true are lit. Surfaces are `seen`. Adds the CPU time to `busy`.
+pub fn spread(
+    light: &mut Plane<[f32; 3]>,
+    bare: &[u32],
+    seen: &GBuffer,
+    has_light: impl Fn(usize) -> bool,
+    busy: &Busy,
+) {
     if bare.is_empty() {
         return;
     }
@@ -97,8 +106,11 @@ pub fn spread(light: &mut Plane<[f32; 3]>, bare: &[u32], seen: &GBuffer, has_lig
     // Each round reads the light of earlier rounds only, so the order of pixels does not matter.
     let mut left = bare.to_vec();
     for _ in 0..ROUNDS {
-        let found: Vec<Option<Vec3>> =
-            left.par_iter().with_min_len(64).map(|&index| around(light, seen, &is_lit, index as usize)).collect();
+        let around = |pixels: &[u32]| {
+            let of_pixel = |&index: &u32| around(light, seen, &is_lit, index as usize);
+            busy.measure(|| pixels.iter().map(of_pixel).collect::<Vec<_>>())
+        };
+        let found: Vec<Option<Vec3>> = left.par_chunks(CHUNK).flat_map_iter(around).collect();
         let mut without = Vec::new();
         for (&index, found) in left.iter().zip(found) {
             match found {

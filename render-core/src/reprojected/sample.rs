@@ -11,6 +11,8 @@ const NORMAL_BITS: u32 = 8;
 const _: () = assert!(3 * MANTISSA_BITS + EXPONENT_BITS + 2 * NORMAL_BITS == 64);
 /// Maximum mantissa.
 const WHOLE: f32 = ((1 << MANTISSA_BITS) - 1) as f32;
+/// First bit of the normal.
+const NORMAL_BEGIN: u32 = 3 * MANTISSA_BITS + EXPONENT_BITS;
 /// Stored value that represents the exponent 0.
 const BIAS: i32 = 1 << (EXPONENT_BITS - 1);
 /// Maximum coordinate of a stored normal.
@@ -47,12 +49,7 @@ impl Sample {
             packed |= ((exponent + BIAS) as u64) << (3 * MANTISSA_BITS);
         }
 
-        // Store the normal's position on the unfolded octahedron after the light. Map −1…1 to 1…255, so that 0 is
-        // exact.
-        for (k, coordinate) in (0..).zip(octahedral(normal).to_array()) {
-            let stored = (coordinate * NORMAL_SCALE + NORMAL_ZERO).round() as u64;
-            packed |= stored << (3 * MANTISSA_BITS + EXPONENT_BITS + k * NORMAL_BITS);
-        }
+        packed |= u64::from(PackedNormal::new(normal).0) << NORMAL_BEGIN;
         Self { position, packed: [packed as u32, (packed >> 32) as u32] }
     }
 
@@ -61,18 +58,42 @@ impl Sample {
         ((u64::from(high) << 32 | u64::from(low)) >> from) as u32 & ((1 << count) - 1)
     }
 
-    /// Returns the unit normal, accurate to one degree.
-    pub fn normal(&self) -> Vec3A {
+    /// Returns the normal, accurate to one degree.
+    pub fn normal(&self) -> PackedNormal {
+        PackedNormal(self.bits(NORMAL_BEGIN, 2 * NORMAL_BITS))
+    }
+
+    pub fn irradiance(&self) -> Vec3 {
+        let unit = exp2(self.bits(3 * MANTISSA_BITS, EXPONENT_BITS) as i32 - BIAS) * (1.0 / WHOLE);
+        Vec3::from_array([0, 1, 2].map(|k| self.bits(k * MANTISSA_BITS, MANTISSA_BITS) as f32 * unit))
+    }
+}
+
+/// Unit normal as a position on the unfolded octahedron.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PackedNormal(u32);
+
+impl PackedNormal {
+    pub fn new(normal: Vec3) -> Self {
+        // Map −1…1 to 1…255, so that 0 is exact.
+        let [x, y] = octahedral(normal).to_array().map(|x| (x * NORMAL_SCALE + NORMAL_ZERO).round() as u32);
+        Self(x | y << NORMAL_BITS)
+    }
+
+    /// Returns a vector along the normal, of length 0.5 to 1.
+    fn along(self) -> Vec3A {
         let coordinate = |k: u32| {
-            let stored = self.bits(3 * MANTISSA_BITS + EXPONENT_BITS + k * NORMAL_BITS, NORMAL_BITS);
-            (stored as f32 - NORMAL_ZERO) / NORMAL_SCALE
+            let stored = self.0 >> (k * NORMAL_BITS) & ((1 << NORMAL_BITS) - 1);
+            (stored as f32 - NORMAL_ZERO) * (1.0 / NORMAL_SCALE)
         };
         from_octahedral(Vec2::new(coordinate(0), coordinate(1))).into()
     }
 
-    pub fn irradiance(&self) -> Vec3 {
-        let unit = exp2(self.bits(3 * MANTISSA_BITS, EXPONENT_BITS) as i32 - BIAS) / WHOLE;
-        Vec3::from_array([0, 1, 2].map(|k| self.bits(k * MANTISSA_BITS, MANTISSA_BITS) as f32 * unit))
+    /// Returns whether the cosine of the angle to the unit vector `other` is at least `cosine` > 0.
+    pub fn is_within(self, cosine: f32, other: Vec3A) -> bool {
+        let along = self.along();
+        let dot = along.dot(other);
+        dot > 0.0 && dot * dot >= cosine * cosine * along.length_squared()
     }
 }
 
@@ -89,9 +110,10 @@ fn octahedral(v: Vec3) -> Vec2 {
     if v.z >= 0.0 { v.truncate() } else { folded(v.truncate()) }
 }
 
+/// Inverts [`octahedral`], except for the length.
 fn from_octahedral(p: Vec2) -> Vec3 {
     let z = 1.0 - p.x.abs() - p.y.abs();
-    (if z >= 0.0 { p } else { folded(p) }).extend(z).normalize()
+    (if z >= 0.0 { p } else { folded(p) }).extend(z)
 }
 
 fn folded(p: Vec2) -> Vec2 {
@@ -129,8 +151,10 @@ mod tests {
         let axes = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
         for normal in (0..500).map(|k| uniform_sphere(sobol_point(k))).chain(axes) {
             let back = Sample::new([0.0; 3], normal, Vec3::ONE * 1e30).normal();
-            let angle = Vec3::from(back).angle_between(normal).to_degrees();
-            assert!(angle < 1.0, "{normal} came back as {back}");
+            let angle = Vec3::from(back.along()).angle_between(normal).to_degrees();
+            assert!(angle < 1.0, "{normal} came back as {}", back.along());
+            let within = |degrees: f32| back.is_within(degrees.to_radians().cos(), normal.into());
+            assert!(within(1.1) && !PackedNormal::new(-normal).is_within(0.1, normal.into()));
         }
     }
 }

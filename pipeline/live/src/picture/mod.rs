@@ -122,6 +122,8 @@ pub struct LiveLoop<'a> {
     threshold_mean_relative: f64,
     /// Number of the next picture, from 0.
     index: u32,
+    /// Moment of the last picture; `None` before the first.
+    shown: Option<Moment>,
 }
 
 impl<'a> LiveLoop<'a> {
@@ -148,6 +150,7 @@ impl<'a> LiveLoop<'a> {
             thresholds: None,
             threshold_mean_relative: 0.0,
             index: 0,
+            shown: None,
         })
     }
 
@@ -179,8 +182,8 @@ impl<'a> LiveLoop<'a> {
         Ok(self.picture_unless(request, &never)?.expect("it is not stopped"))
     }
 
-    /// Renders and codes the next picture. Further samples end as soon as the flag `stop` is true. A fresh picture is
-    /// then discarded: the result is `None`, and the next picture follows the last shown one.
+    /// Renders and codes the next picture. Further samples end as soon as the flag `stop` is true. A picture of the same
+    /// moment as the last one is then discarded: the result is `None`, and the next picture follows the last one.
     ///
     /// # Errors
     /// If the standard does not have the quantiser.
@@ -204,8 +207,12 @@ impl<'a> LiveLoop<'a> {
             Detail::Plain => &self.plans.plain,
             Detail::Fine => &self.plans.fine,
         });
-        if is_fresh {
+        let is_static = self.shown == Some(moment);
+        if is_static {
             self.shade.set_aside();
+        }
+        if is_fresh {
+            self.shade.forget();
         }
         self.shade.set_quantiser_scale(quantiser_scale);
         self.shade.set_budget(budget);
@@ -215,11 +222,11 @@ impl<'a> LiveLoop<'a> {
         let known = prepared.correspondence.clone();
         let last = LastThresholds::new(index, self.thresholds.as_ref(), known.as_deref());
         let shaded = self.shade.step(&prepared, last);
-        if is_fresh && stop.load(Ordering::Relaxed) {
-            self.shade.take_back();
+        if stop.load(Ordering::Relaxed) && self.shade.take_back() {
             return self.discarded(index).map(|()| None);
         }
         self.shade.keep();
+        self.shown = Some(moment);
 
         // Show and code it, with the exact motion from the previous picture.
         let Shaded { figures, .. } = &shaded;

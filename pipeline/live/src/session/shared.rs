@@ -350,7 +350,7 @@ impl SessionState {
             Some(step) if !is_intra => PictureRequest {
                 detail: if step.is_limited { Detail::Plain } else { Detail::Fine },
                 is_fresh: step.is_fresh,
-                budget: step.is_limited.then(|| self.budget.at_rest()),
+                budget: self.budget.at_rest().filter(|_| step.is_limited),
                 ..PictureRequest::new(moment, step.quantiser_scale)
             },
             None if !is_moving && !is_intra => return None,
@@ -372,13 +372,17 @@ impl SessionState {
     /// Notes a picture for the refinement of static views, and for the budget of pictures in motion.
     fn note(&mut self, now: Duration, order: &Order, picture: &LivePicture) {
         let PictureRequest { moment, detail, is_fresh, budget, .. } = order.request;
+        let seconds = now.saturating_sub(order.at).as_secs_f64();
         if self.shown == Some(moment) {
             self.rest.refined(picture, detail, is_fresh);
+            if detail == Detail::Plain {
+                self.budget.note_at_rest(seconds);
+            }
             return;
         }
         self.rest.moved(picture);
         if budget.is_some() {
-            self.budget.note(now.saturating_sub(order.at).as_secs_f64(), picture.open_share);
+            self.budget.note_in_motion(seconds, picture.open_share);
         }
     }
 

@@ -187,13 +187,22 @@ fn a_stopped_picture_leaves_the_loop_as_it_was() {
     live.picture(fine).unwrap();
     let before = live.picture(fine).unwrap();
 
+    for is_fresh in [true, false] {
+        let stop = Arc::new(AtomicBool::new(true));
+        let stopped = live.picture_unless(PictureRequest { is_fresh, ..fine }, &stop).unwrap();
+        assert!(stopped.is_none() && live.pictures() == 2 + u64::from(!is_fresh));
+        let after = live.picture(fine).unwrap();
+        assert!(after.shaded_share < 0.3, "light is reprojected: {}", after.shaded_share);
+        let [before, after] = [&before, &after].map(|picture| picture.packet.reconstruction.luma().clone());
+        assert!(psnr(&before, &after) >= 40.0);
+    }
+
+    // A picture in motion is shown despite the stop, because it contains the last input.
     let stop = Arc::new(AtomicBool::new(true));
-    let stopped = live.picture_unless(PictureRequest { is_fresh: true, ..fine }, &stop).unwrap();
-    assert!(stopped.is_none() && live.pictures() == 2);
-    let after = live.picture(fine).unwrap();
-    assert!(after.shaded_share < 0.3, "light is reprojected: {}", after.shaded_share);
-    let [before, after] = [before, after].map(|picture| picture.packet.reconstruction.luma().clone());
-    assert!(psnr(&before, &after) >= 40.0);
+    let moved = PictureRequest::new(moment(&scene, &settings, 1), 4);
+    assert!(live.picture_unless(moved, &stop).unwrap().is_some());
+    let fine = PictureRequest { detail: Detail::Fine, ..moved };
+    live.picture(fine).unwrap();
 
     // Without a stop, all light is computed.
     let never = Arc::new(AtomicBool::new(false));

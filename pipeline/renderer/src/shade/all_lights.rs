@@ -16,6 +16,7 @@ use std::cell::Cell;
 const GATHER_RAYS: usize = 256;
 
 /// Layer of the exhaustive sum over all lights of the tree.
+#[derive(Clone)]
 pub(super) struct AllLights {
     /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
@@ -50,6 +51,10 @@ impl Layer for AllLights {
             cuts: counts.cuts(),
             ..Lit::default()
         }
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 
     fn is_dark(&self, frame: &Frame<'_>) -> bool {

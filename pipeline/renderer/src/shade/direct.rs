@@ -21,7 +21,7 @@ const BESIDE: f32 = 2.0;
 const SQUARE: usize = 8;
 
 /// Light of directly sampled area lights, points, spots and suns.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Direct {
     /// Lamps of the previous frame; `None` without reprojection.
     lamps: Option<Arc<DirectLights>>,
@@ -43,6 +43,10 @@ impl Layer for Direct {
             },
         );
         Lit { rays: rays.into_inner(), seconds, ..Lit::of_irradiance(irradiance) }
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 
     fn forget(&mut self) {

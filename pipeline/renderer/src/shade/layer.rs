@@ -56,6 +56,12 @@ pub trait Layer: Send {
         None
     }
 
+    /// Returns a copy with the state after the last frame; `None` if the layer cannot be copied. A frame that uses other
+    /// layers too then cannot be discarded.
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        None
+    }
+
     /// Discards the state of earlier frames: the next frame is lit like the first frame of a film.
     fn forget(&mut self) {}
 

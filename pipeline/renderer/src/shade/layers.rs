@@ -21,6 +21,10 @@ use render_core::cache::SharedRecord;
 use render_core::ranks::Ranks;
 use std::sync::Arc;
 
+/// Fraction of a budget's pixels for which indirect light is computed. A cache record costs ten times the direct light
+/// of a pixel, and lights the pixels around it, too.
+const INDIRECT_BUDGET: f32 = 0.25;
+
 /// Layers of light; their sum is the light of a frame.
 pub(super) struct Layers {
     /// Layers of direct light and of light from coats.
@@ -165,16 +169,22 @@ impl Layers {
         }
     }
 
-    /// Limits the pixels for which every layer computes light in the next frames to a `share` of all pixels.
+    /// Limits the pixels for which every layer computes light in the next frames: to a `share` of all pixels in direct
+    /// layers, and to a fraction of it in indirect ones.
     pub fn set_budget(&mut self, share: Option<f32>) {
-        for layer in self.direct.iter_mut().chain(&mut self.indirect) {
-            layer.set_budget(share);
-        }
+        self.direct.iter_mut().for_each(|layer| layer.set_budget(share));
+        self.indirect.iter_mut().for_each(|layer| layer.set_budget(share.map(|share| INDIRECT_BUDGET * share)));
     }
 
     /// Discards the state of earlier frames in every layer.
     pub fn forget(&mut self) {
         self.direct.iter_mut().chain(&mut self.indirect).for_each(|layer| layer.forget());
+    }
+
+    /// Returns a copy with the state after the last frame; `None` if some layer cannot be copied.
+    pub fn copy(&self) -> Option<Self> {
+        let of = |layers: &[Box<dyn Layer>]| layers.iter().map(|layer| layer.copy()).collect::<Option<Vec<_>>>();
+        Some(Self { direct: of(&self.direct)?, indirect: of(&self.indirect)? })
     }
 
     /// Returns the states of all layers, in order.
@@ -206,7 +216,7 @@ fn sum_of(
     let mut sum = Lit::default();
     let mut radiance = visible.radiance.clone();
     for layer in layers {
-        if !layer.is_dark(visible.frame) {
+        if !layer.is_dark(visible.frame) && !visible.has_stopped() {
             sum += layer.light(&Visible { radiance: &radiance, ..*visible }, wanted, tolerance);
             radiance = sum.shown(visible.matte, visible.radiance.clone());
         }
@@ -215,7 +225,7 @@ fn sum_of(
 }
 
 /// Returns `layer`, with reprojection of the layer's light if `is_reprojected`.
-fn reprojected_if<L: Reprojectable + 'static>(
+fn reprojected_if<L: Reprojectable + Clone + 'static>(
     is_reprojected: bool,
     layer: L,
     settings: &RenderSettings,

@@ -99,7 +99,7 @@ pub struct Shading<'a> {
     open_share: f64,
     /// Flag that ends further samples, and the light of frames that may be discarded.
     stop: Arc<AtomicBool>,
-    /// State of earlier frames, to which a discarded frame returns; `None` if the next frame is not discarded.
+    /// State before the frame, if the frame may be discarded.
     aside: Option<Aside>,
     /// Poses of the instances in the previous frame; empty before the first frame.
     places: Vec<Option<InstancePose>>,
@@ -197,8 +197,8 @@ impl<'a> Shading<'a> {
         self.open_share
     }
 
-    /// Ends further samples of pixels as soon as the flag `stop` is true. Frames after [`set_aside`](Self::set_aside)
-    /// then end with any light, so that [`take_back`](Self::take_back) must follow.
+    /// Ends further samples of pixels as soon as the flag `stop` is true. A frame after [`set_aside`](Self::set_aside)
+    /// then ends with any light, so that [`take_back`](Self::take_back) must follow.
     pub fn set_stop(&mut self, stop: Arc<AtomicBool>) {
         self.stop = stop;
     }
@@ -207,27 +207,23 @@ impl<'a> Shading<'a> {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Sets the state of earlier frames aside: the next frame is lit like the first frame of a film, and may be
-    /// discarded.
+    /// Sets a copy of the state aside: the next frame may be discarded. Has no effect if some layer cannot be copied.
     pub fn set_aside(&mut self) {
-        let empty = Layers::new(&self.settings, self.plan, &self.sharing());
-        let layers = std::mem::replace(&mut self.layers, empty);
-        let (places, still) = (std::mem::take(&mut self.places), self.still.take());
-        self.aside = Some(Aside { layers, places, still });
-        self.forget();
+        let copy = self.layers.copy();
+        self.aside = copy.map(|layers| Aside { layers, places: self.places.clone() });
     }
 
-    /// Keeps the frame after [`set_aside`](Self::set_aside), and drops the state before it.
+    /// Drops the copy of the state.
     pub fn keep(&mut self) {
         self.aside = None;
     }
 
-    /// Discards the frame after [`set_aside`](Self::set_aside), and returns to the state before it. Importance and
-    /// calibration begin again.
-    pub fn take_back(&mut self) {
-        if let Some(Aside { layers, places, still }) = self.aside.take() {
-            (self.layers, self.places, self.still) = (layers, places, still);
-        }
+    /// Discards the last frame, and returns to the state of [`set_aside`](Self::set_aside). Importance and calibration
+    /// keep the state after the discarded frame. Returns false if there is no such state.
+    pub fn take_back(&mut self) -> bool {
+        let Some(Aside { layers, places }) = self.aside.take() else { return false };
+        (self.layers, self.places, self.still) = (layers, places, None);
+        true
     }
 
     /// Uses another plan of the same scene from the next frame on. It may differ from the plan so far in the stages
@@ -261,11 +257,10 @@ impl<'a> Shading<'a> {
     }
 }
 
-/// State of earlier frames, while another one may be discarded.
+/// State before a frame that may be discarded.
 struct Aside {
     layers: Layers,
     places: Vec<Option<InstancePose>>,
-    still: Option<LitFrame>,
 }
 
 /// Returns the initial calibration; `None` without calibrated stopping.

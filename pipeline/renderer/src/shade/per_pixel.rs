@@ -34,6 +34,7 @@ use std::ops::Range;
 const BLOCK: usize = 8;
 
 /// Layer with a lightcut for each pixel.
+#[derive(Clone)]
 pub(super) struct PerPixel {
     /// Whether final gather restores the light lost by clamping virtual lights.
     compensates: bool,
@@ -80,6 +81,10 @@ impl Layer for PerPixel {
             *kept = largest_of_ranks(visible.ranks, sizes);
         }
         lit
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 
     fn is_dark(&self, frame: &Frame<'_>) -> bool {

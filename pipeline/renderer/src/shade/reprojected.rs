@@ -43,6 +43,7 @@ pub(super) enum Holding<'a> {
 }
 
 /// Layer with reprojection of unchanged light.
+#[derive(Clone)]
 pub(super) struct Reprojected<L> {
     layer: L,
     light: ReprojectedLight,
@@ -71,7 +72,7 @@ pub(super) fn allowed_error(quantiser_scale: u32) -> f32 {
     (quantiser_scale as f32 / ALLOWED_ONE).powi(2).clamp(ALLOWED.0, ALLOWED.1)
 }
 
-impl<L: Reprojectable> Layer for Reprojected<L> {
+impl<L: Reprojectable + Clone + 'static> Layer for Reprojected<L> {
     /// Lights all pixels in the first sample, including unwanted ones: the next frame may reproject any of them.
     fn light(&mut self, visible: &Visible<'_>, wanted: Option<&Plane<bool>>, tolerance: &Tolerance<'_>) -> Lit {
         // Reproject only the first sample.
@@ -101,7 +102,7 @@ impl<L: Reprojectable> Layer for Reprojected<L> {
         let mut lit = self.layer.light(visible, (!holds_nowhere).then_some(&missing), tolerance);
         let computed =
             lit.irradiance.take().unwrap_or_else(|| Plane::filled(missing.width(), missing.height(), [0.0; 3]));
-        let Completed { irradiance, audits, open, .. } = reprojected.complete(&computed, matte, &mut self.light);
+        let Completed { irradiance, audits, open, .. } = reprojected.complete(&computed, matte, &mut self.light, &busy);
         lit += Lit {
             computed: Some(missing),
             open: open as u64,
@@ -114,6 +115,10 @@ impl<L: Reprojectable> Layer for Reprojected<L> {
 
     fn is_dark(&self, frame: &Frame<'_>) -> bool {
         self.layer.is_dark(frame)
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 
     fn set_quantiser_scale(&mut self, quantiser_scale: u32) {

@@ -91,6 +91,14 @@ impl Layer for Baked {
         self.others.as_ref()?.channel(aov, frame)
     }
 
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        let others = match &self.others {
+            Some(others) => Some(others.copy()?),
+            None => None,
+        };
+        Some(Box::new(Self { others }))
+    }
+
     fn forget(&mut self) {
         if let Some(others) = &mut self.others {
             others.forget();

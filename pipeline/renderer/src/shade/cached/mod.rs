@@ -27,6 +27,7 @@ use std::sync::Arc;
 use tree_light::TreeLight;
 
 /// Layer of cached light from the light tree and from dynamic anchors. Records persist between frames.
+#[derive(Clone)]
 pub(super) struct Cached {
     records: IrradianceCache<Recipe>,
     /// Whether lights and geometry are static for the whole film, so that no record is ever updated.
@@ -135,6 +136,10 @@ impl Layer for Cached {
 
     fn in_regions(&mut self) -> Option<&mut dyn RegionLayer> {
         Some(self)
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 
     fn is_dark(&self, frame: &Frame<'_>) -> bool {

@@ -7,7 +7,7 @@ use render_core::cache::Site;
 use render_core::{Gathered, PACKET};
 
 /// Lightcut and final gather of a record.
-#[derive(serde::Serialize, serde::Deserialize)]
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
 pub(super) struct Recipe {
     /// Number of clusters in the lightcut.
     pub size: u32,

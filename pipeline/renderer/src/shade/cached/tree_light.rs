@@ -196,6 +196,10 @@ impl Illumination for TreeLight<'_> {
         recipe.size
     }
 
+    fn is_discarded(&self) -> bool {
+        self.visible.has_stopped()
+    }
+
     fn openness(&self, site: &Site, scale: f32) -> f32 {
         // Treat inner walls of a moving instance as closed: the instance may enclose the record. Otherwise, the record
         // would be as open as a record next to the instance.

@@ -79,7 +79,7 @@ pub(super) fn below_coats(seen: &GBuffer, surfaces: &Surfaces) -> GBuffer {
 }
 
 /// Layer of light that coats reflect toward the viewer by single scattering.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct Coats;
 
 /// Returns whether a pixel's coat is rough: its rays are shared with nearby pixels.
@@ -121,6 +121,10 @@ impl Layer for Coats {
         let lobe_of = |x, y| (!is_wanted(x, y)).then(Lobe::default);
         let (_, reflected) = reflected(visible, lobe_of, &shadow_rays, &busy);
         Lit { radiance: Some(with_sparks(&reflected, visible.surfaces, &busy)), ..counted(shadow_rays, &busy) }
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 }
 

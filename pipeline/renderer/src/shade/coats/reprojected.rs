@@ -42,6 +42,7 @@ const CHANGED: f32 = 0.01;
 const LEAST_ALBEDO: f32 = 1e-4;
 
 /// Layer of [`Coats`](super::Coats) with reprojection of unchanged light.
+#[derive(Clone)]
 pub(in crate::shade) struct ReprojectedCoats {
     light: ReflectedLight,
     /// Permitted mean square error of reprojection, in squares of the tolerance.
@@ -236,7 +237,7 @@ impl Layer for ReprojectedCoats {
             let mut spread_light = Plane::from_fn(width, height, |x, y| {
                 coats.get(x, y).map_or([0.0; 3], |coat| (reflected.get(x, y).light / albedo(coat)).to_array())
             });
-            spread(&mut spread_light, &reprojected.bare, seen, |k| coats.samples()[k].is_some());
+            spread(&mut spread_light, &reprojected.bare, seen, |k| coats.samples()[k].is_some(), &busy);
             for &index in &reprojected.bare {
                 let coat = coats.samples()[index as usize].expect("only coats are open");
                 let light = coat.albedo * Vec3::from(spread_light.samples()[index as usize]);
@@ -260,6 +261,10 @@ impl Layer for ReprojectedCoats {
 
     fn set_quantiser_scale(&mut self, quantiser_scale: u32) {
         self.allowed = allowed_error(quantiser_scale);
+    }
+
+    fn copy(&self) -> Option<Box<dyn Layer>> {
+        Some(Box::new(self.clone()))
     }
 
     fn set_budget(&mut self, share: Option<f32>) {
