@@ -22,7 +22,7 @@ mod trust;
 
 use crate::gbuffer::{GBuffer, MACROBLOCK, PixelSurface};
 use crate::sampling::frame;
-use crate::{Busy, Timed, luminance};
+use crate::{Timed, luminance};
 use glam::{Vec2, Vec3, Vec3A};
 pub use limit::spread;
 use limit::{OpenPixel, choose};
@@ -116,12 +116,11 @@ pub struct AuditCounts {
 }
 
 impl Reprojected {
-    /// Completes the irradiance with the missing pixels from `lit`, and stores their samples in `light`. Adds the CPU
-    /// time of the light of pixels without own light to `busy`.
+    /// Completes the irradiance with the missing pixels from `lit`, and stores their samples in `light`.
     ///
     /// # Panics
     /// If the pictures differ in size.
-    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut ReprojectedLight, busy: &Busy) -> Completed {
+    pub fn complete(self, lit: &Plane<[f32; 3]>, seen: &GBuffer, light: &mut ReprojectedLight) -> Timed<Completed> {
         let Self { mut irradiance, missing, audits, is_limited, open, bare } = self;
         let lit = lit.samples();
 
@@ -138,8 +137,8 @@ impl Reprojected {
         let difference = |audit: &Audit| Some((luminance(lit[audit.pixel as usize].into()) - audit.luminance).abs());
         let audits = if is_limited { AuditCounts::default() } else { judged(audits, difference, &mut light.trust) };
         // Unlit pixels have no sample, so that the next picture lights them.
-        spread(&mut irradiance, &bare, seen, |k| seen.pixels.samples()[k].reflects(), busy);
-        Completed { irradiance, audits, open }
+        let spread = spread(&mut irradiance, &bare, seen, |k| seen.pixels.samples()[k].reflects());
+        spread.map(|()| Completed { irradiance, audits, open })
     }
 }
 

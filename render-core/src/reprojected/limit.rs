@@ -6,8 +6,8 @@
 //! | without | first on a lattice of every fourth pixel, then of every second | the weighted mean of lit pixels around it |
 
 use super::trust::LARGEST;
-use crate::Busy;
 use crate::gbuffer::{GBuffer, PixelSurface};
+use crate::{Busy, Timed};
 use glam::{Vec3, Vec3A};
 use plane::Plane;
 use rayon::prelude::*;
@@ -82,17 +82,27 @@ pub(super) fn choose(mut pixels: Vec<OpenPixel>, most: usize, missing: &mut Plan
 }
 
 /// Sets the light of the `bare` pixels to the weighted mean of the lit pixels around them. Other pixels with indices for
-/// which `has_light` is true are lit. Surfaces are `seen`. Adds the CPU time to `busy`.
+/// which `has_light` is true are lit. Surfaces are `seen`.
 pub fn spread(
+    light: &mut Plane<[f32; 3]>,
+    bare: &[u32],
+    seen: &GBuffer,
+    has_light: impl Fn(usize) -> bool,
+) -> Timed<()> {
+    Timed::of(|busy| {
+        if !bare.is_empty() {
+            spread_measured(light, bare, seen, has_light, busy);
+        }
+    })
+}
+
+fn spread_measured(
     light: &mut Plane<[f32; 3]>,
     bare: &[u32],
     seen: &GBuffer,
     has_light: impl Fn(usize) -> bool,
     busy: &Busy,
 ) {
-    if bare.is_empty() {
-        return;
-    }
     let mut is_lit: Vec<bool> = (0..light.samples().len()).map(has_light).collect();
     for &index in bare {
         is_lit[index as usize] = false;

@@ -75,7 +75,7 @@ fn walk_over(
         // Set only missing pixels: reading the light of any other pixel makes the result NaN.
         let lit =
             Plane::from_fn(SIDE, SIDE, |x, y| if missing.get(x, y) { truth(&seen).get(x, y) } else { [f32::NAN; 3] });
-        let Completed { irradiance, audits, .. } = reprojected.complete(&lit, &seen, &mut light, &Busy::default());
+        let Completed { irradiance, audits, .. } = reprojected.complete(&lit, &seen, &mut light).value;
         before = Some(seen.clone());
         walked = Some(Walked { seen, irradiance, missing, audits });
     }
@@ -112,7 +112,7 @@ fn with_a_limit_few_pixels_are_lit_and_no_pixel_is_dark() {
         let missing = reprojected.missing.clone();
         let truth = seen.pixels.map(|pixel| field(pixel.position.into()));
         let lit = Plane::from_fn(SIDE, SIDE, |x, y| [if missing.get(x, y) { truth.get(x, y) } else { f32::NAN }; 3]);
-        let Completed { irradiance, open, audits } = reprojected.complete(&lit, &seen, &mut light, &Busy::default());
+        let Completed { irradiance, open, audits } = reprojected.complete(&lit, &seen, &mut light).value;
 
         let count = missing.samples().iter().filter(|missing| **missing).count();
         assert!(frame == 0 || count <= MOST && audits.all == 0, "frame {frame}: {count} pixels are lit");

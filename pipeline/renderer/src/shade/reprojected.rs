@@ -102,7 +102,8 @@ impl<L: Reprojectable + Clone + 'static> Layer for Reprojected<L> {
         let mut lit = self.layer.light(visible, (!holds_nowhere).then_some(&missing), tolerance);
         let computed =
             lit.irradiance.take().unwrap_or_else(|| Plane::filled(missing.width(), missing.height(), [0.0; 3]));
-        let Completed { irradiance, audits, open, .. } = reprojected.complete(&computed, matte, &mut self.light, &busy);
+        let completed = reprojected.complete(&computed, matte, &mut self.light);
+        let Completed { irradiance, audits, open, .. } = busy.take(completed);
         lit += Lit {
             computed: Some(missing),
             open: open as u64,

@@ -237,7 +237,8 @@ impl Layer for ReprojectedCoats {
             let mut spread_light = Plane::from_fn(width, height, |x, y| {
                 coats.get(x, y).map_or([0.0; 3], |coat| (reflected.get(x, y).light / albedo(coat)).to_array())
             });
-            spread(&mut spread_light, &reprojected.bare, seen, |k| coats.samples()[k].is_some(), &busy);
+            let has_light = |k: usize| coats.samples()[k].is_some();
+            busy.take(spread(&mut spread_light, &reprojected.bare, seen, has_light));
             for &index in &reprojected.bare {
                 let coat = coats.samples()[index as usize].expect("only coats are open");
                 let light = coat.albedo * Vec3::from(spread_light.samples()[index as usize]);
