@@ -97,6 +97,12 @@ pub trait Illumination: Sync {
         1.0
     }
 
+    /// Returns whether an update at `site` may wait for a few frames, as long as the light changes slowly: nothing near
+    /// the site moves, and no light changes suddenly. Returns false by default.
+    fn may_wait(&self, _site: &Site) -> bool {
+        false
+    }
+
     /// Returns whether the cache and its light will be discarded, so that light may have any value from now on. The cache
     /// then returns soon. Returns false by default.
     fn is_discarded(&self) -> bool {
@@ -109,11 +115,15 @@ pub trait Illumination: Sync {
     }
 }
 
+/// Maximum number of frames between two updates of a record whose light changes.
+pub const MOST_WAITED: usize = 4;
+
 /// Time of the last update of a record's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LastUpdate {
-    /// The light was updated in the previous frame at the same position. Only the latest motion can have changed it.
-    LastFrame,
+    /// The light was updated this number of frames ago at the same position, 1…[`MOST_WAITED`]. Only motion since then can
+    /// have changed it.
+    FramesAgo(usize),
     /// The light was updated earlier or at another position. Any surface may now occlude a light.
     Earlier,
 }

@@ -21,6 +21,8 @@
 //! * A record is used only at points of similar openness, which a few rays at each point measure: see `openness.rs`.
 //! * Derivatives by the position are fitted to neighboring records where the fit is more accurate: see `predict.rs`.
 //!   The residual of the fit limits the radius of the record: see `doubt.rs`.
+//! * The update of a record waits for up to four frames while its light changes by less than a quarter of its tolerance:
+//!   see `record.rs`.
 //! * Rotation of the normal is computed exactly from the vector irradiance, as long as no light crosses the horizon.
 
 mod doubt;
@@ -40,7 +42,7 @@ mod spacing;
 mod tile;
 mod tolerance;
 
-pub use illumination::{Computed, Illumination, LastUpdate, LocalIrradiance, Site};
+pub use illumination::{Computed, Illumination, LastUpdate, LocalIrradiance, MOST_WAITED, Site};
 pub use record::KeptRecipe;
 pub use regions::SharedRecord;
 pub use request::Request;
@@ -238,7 +240,8 @@ impl<R: Send + Sync> IrradianceCache<R> {
 
         // Exclude records that were last updated before the light changed.
         let mut tiles = Tiles::new(&picture);
-        let current = (0..self.records.len()).filter(|&index| self.records[index].current >= self.changed);
+        let is_usable = |record: &Record<R>| record.current >= self.changed || record.waited == self.frame;
+        let current = (0..self.records.len()).filter(|&index| is_usable(&self.records[index]));
         tiles.list(&picture, &self.records, current);
         let computed = self.fill(&picture, &mut tiles, Vec::new(), illumination);
         let (predicted, taught) = predictions(&picture, &tiles, &self.records, &Vec::from_iter(0..tiles.listed.len()));
@@ -389,9 +392,18 @@ impl<R: Send + Sync> IrradianceCache<R> {
         picture: &SurfacePicture,
     ) -> usize {
         let (ranks, busy) = (picture.ranks(), picture.busy);
-        // Select the records that were last lit before the last change.
-        let is_outdated = |&index: &usize| self.records[index].current < self.changed;
-        let outdated: Vec<usize> = needed.iter().copied().filter(is_outdated).collect();
+        // Select the records that were last lit before the last change, except those that wait.
+        let mut outdated = Vec::new();
+        for &index in needed {
+            let record = &mut self.records[index];
+            if record.current < self.changed {
+                if record.waits(self.frame) && illumination.may_wait(&record.site) {
+                    record.waited = self.frame;
+                } else {
+                    outdated.push(index);
+                }
+            }
+        }
         let assignments: Vec<Assignment> = outdated.iter().map(|&index| self.records[index].assignment()).collect();
 
         // Light this rank's records in chunks: reading the clock for each record would take longer than lighting some
@@ -492,8 +504,7 @@ impl Update {
 
     /// Stores light that another rank computed.
     fn take<R>(&self, record: &mut Record<R>, light: RecordLight) {
-        (record.current, record.moved) = (self.frame, false);
-        record.relit(light.estimate);
+        record.relit(self.frame, light.estimate);
         record.note = light.note;
     }
 
@@ -508,21 +519,22 @@ impl Update {
         let is_its_turn = self.geometry && record.number.wrapping_add(self.frame).is_multiple_of(TURN);
 
         // Relight the record if possible. Relighting costs least if only the latest motion can have changed the light.
-        let kept_up = !record.moved && record.current >= self.changed_before;
-        let known = if kept_up { LastUpdate::LastFrame } else { LastUpdate::Earlier };
-        (record.current, record.moved) = (self.frame, false);
+        // A record that was current at the last change before this frame has missed this frame's motion only.
+        let ago = if record.current >= self.changed_before { 1 } else { (self.frame - record.current) as usize };
+        let kept_up = !record.moved && ago <= MOST_WAITED;
+        let known = if kept_up { LastUpdate::FramesAgo(ago) } else { LastUpdate::Earlier };
         if !is_its_turn
             && let Some(recipe) = &mut record.recipe
             && let Some(estimate) = illumination.relight(&record.site, recipe, known)
         {
-            record.relit(estimate);
+            record.relit(self.frame, estimate);
             return false;
         }
 
         // Otherwise, recompute the light and the recipe.
         let computed = illumination.compute(&record.site, scratch);
         record.note = illumination.note(&computed.recipe);
-        record.computed_afresh(computed);
+        record.computed_afresh(self.frame, computed);
         true
     }
 }

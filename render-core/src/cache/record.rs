@@ -1,9 +1,15 @@
 //! Record of the cache: a site with its light and radius.
 
-use super::illumination::{Computed, LocalIrradiance, Site};
+use super::illumination::{Computed, LocalIrradiance, MOST_WAITED, Site};
 use super::radius::radius;
+use crate::luminance;
 use crate::ranks::{Assignment, Ranks};
 use ranks::portable;
+
+/// Change of a record's light, in tolerances, that may wait for an update.
+const WAITING: f32 = 0.25;
+/// Fraction of a rate that remains after an update with less change.
+const FADING: f32 = 0.7;
 
 /// Record: a site with its light.
 #[derive(Clone)]
@@ -29,6 +35,10 @@ pub(super) struct Record<R> {
     pub moved: bool,
     /// Frame of the last update.
     pub current: u32,
+    /// Last frame in which an update waited.
+    pub waited: u32,
+    /// Change of the irradiance's luminance per frame \[W·m⁻²\], from the last updates; infinite before the first.
+    pub rate: f32,
     /// Frame in which the record last lit a pixel.
     pub seen: u32,
 }
@@ -77,19 +87,39 @@ impl<R> Record<R> {
             number,
             moved: false,
             current: frame,
+            waited: 0,
+            rate: f32::INFINITY,
             seen: frame,
         }
     }
 
-    /// Sets new light and updates the radius. The limit by neighbors is unchanged.
-    pub fn relit(&mut self, estimate: LocalIrradiance) {
+    /// Returns whether the record may keep its light in `frame`, because the light changes slowly:
+    ///
+    /// ```text
+    /// the update waits for up to k frames if k ρ ≤ WAITING T        ρ  rate        T  tolerance        k  2 or 4
+    /// ```
+    pub fn waits(&self, frame: u32) -> bool {
+        let longest = WAITING * self.estimate.tolerance / self.rate;
+        let Some(k) = [4, 2].into_iter().find(|&k| k as f32 <= longest) else { return false };
+        // Numbers spread the updates evenly over the frames.
+        !self.moved && frame - self.current < k && !self.number.wrapping_add(frame).is_multiple_of(k)
+    }
+
+    /// Sets the light of `frame` and updates the radius. The limit by neighbors is unchanged.
+    pub fn relit(&mut self, frame: u32, estimate: LocalIrradiance) {
+        // A pause between changes does not end the waiting for the next one.
+        let change = luminance(estimate.irradiance - self.estimate.irradiance).abs();
+        let rate = change / (frame - self.current).clamp(1, MOST_WAITED as u32) as f32;
+        self.rate = if self.rate == f32::INFINITY { rate } else { rate.max(FADING * self.rate) };
+        (self.current, self.moved) = (frame, false);
+
         self.radius = radius(&estimate).min(self.radius_by_neighbors);
         self.estimate = estimate;
     }
 
     /// Replaces everything except the site.
-    pub fn computed_afresh(&mut self, Computed { light: estimate, recipe }: Computed<R>) {
-        self.relit(estimate);
+    pub fn computed_afresh(&mut self, frame: u32, Computed { light: estimate, recipe }: Computed<R>) {
+        self.relit(frame, estimate);
         self.recipe = Some(recipe);
     }
 

@@ -75,6 +75,8 @@ struct Lamp {
     tolerance: Option<f32>,
     /// Whether a thin wall at x = 0 darkens the far side. Rays of records may hit the wall.
     wall: bool,
+    /// Whether updates may wait.
+    waits: bool,
     computed: AtomicUsize,
     relit: AtomicUsize,
 }
@@ -119,6 +121,10 @@ impl Illumination for Lamp {
     fn relight(&self, site: &Site, (): &mut (), _: LastUpdate) -> Option<LocalIrradiance> {
         self.relit.fetch_add(1, Ordering::Relaxed);
         Some(self.estimate(site))
+    }
+
+    fn may_wait(&self, _: &Site) -> bool {
+        self.waits
     }
 }
 
@@ -293,6 +299,35 @@ fn openness_follows_the_picture() {
 
 /// Without changes, no record is computed. After a change of light, all records are relit at once, exactly as if they
 /// were new.
+/// A lamp that becomes brighter by a fraction of a tolerance per frame needs few updates, and its light stays within a
+/// quarter of a tolerance. A lamp that becomes brighter by more is followed at once.
+#[test]
+fn slow_changes_wait_within_a_quarter_of_the_tolerance() {
+    let (seen, changes) = (floor(|_| ()), Changes { light: true, ..NO_CHANGES });
+    const TOLERANCE: f32 = 0.03;
+    for (speed, most_updates) in [(0.05, 0.3), (0.1, 0.55), (1.0, 1.0)] {
+        let [mut waiting, mut prompt] = [(); 2].map(|()| IrradianceCache::default());
+        let (mut relit, mut all) = (0, 0);
+        for frame in 0..32 {
+            let power = Some(1.0 + speed * TOLERANCE * frame as f32);
+            let [patient, hasty] = [true, false].map(|waits| Lamp { power, waits, ..Lamp::default() });
+            let shown = light(&mut waiting, &seen, changes, &patient).irradiance;
+            let truth = light(&mut prompt, &seen, changes, &hasty).irradiance;
+            for (shown, truth) in shown.samples().iter().zip(truth.samples()) {
+                let error = (shown[0] - truth[0]).abs() / truth[0];
+                assert!(error <= 0.25 * TOLERANCE + 1e-3, "speed {speed}, frame {frame}: {error}");
+            }
+            // The first update measures the speed.
+            if frame > 1 {
+                relit += patient.relit.load(Ordering::Relaxed);
+                all += hasty.relit.load(Ordering::Relaxed);
+            }
+        }
+        let share = relit as f32 / all as f32;
+        assert!(share <= most_updates && (speed < 0.5 || share == 1.0), "speed {speed}: {share}");
+    }
+}
+
 #[test]
 fn light_that_changes_is_followed_at_once() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());

@@ -4,6 +4,7 @@ use crate::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
 use render_core::scene::{DeformedMesh, Material};
 use render_core::{GBuffer, Surfaces};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Pose, shape and material of a moving instance.
@@ -21,7 +22,7 @@ pub(super) struct InstancePose {
 }
 
 /// World-space bounding box of a moving instance.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct MovingBox {
     pub instance: u32,
     low: Vec3A,
@@ -111,6 +112,12 @@ fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<M
 }
 
 impl MovingBox {
+    /// Returns the box between two corners.
+    #[cfg(test)]
+    pub fn around(instance: u32, low: Vec3A, high: Vec3A) -> Self {
+        Self { instance, low, high }
+    }
+
     /// Returns the world-space box around an instance in all given poses.
     fn all<const N: usize>(instance: u32, places: [&InstancePose; N]) -> Self {
         let mut all = Self { instance, low: Vec3A::INFINITY, high: Vec3A::NEG_INFINITY };
@@ -123,6 +130,11 @@ impl MovingBox {
             }
         }
         all
+    }
+
+    /// Encloses another box, too.
+    pub fn extend(&mut self, other: &Self) {
+        (self.low, self.high) = (self.low.min(other.low), self.high.max(other.high));
     }
 
     /// Returns the sphere around the box.

@@ -1,6 +1,7 @@
 //! Indirect light by an irradiance cache: records are computed by lightcuts and interpolated at pixels.
 
 mod estimate;
+mod recent;
 mod recipe;
 mod tree_light;
 
@@ -18,6 +19,7 @@ use glam::Vec3;
 use pipeline::error::{Error, Result};
 use pipeline::state::{NONSENSE, decode, encode};
 use plane::Plane;
+use recent::RecentChanges;
 use recipe::Recipe;
 use render_core::cache::{Changes, IrradianceCache, Request, SharedRecord, Site};
 use render_core::ranks::Ranks;
@@ -38,18 +40,32 @@ pub(super) struct Cached {
     has_more: bool,
     /// Intensities of the lights in the previous frame; empty before the first frame.
     intensities: Vec<Vec3>,
+    /// Motion and light of the last frames.
+    recent: RecentChanges,
+    /// Whether updates of records may wait if their light changes slowly.
+    waits: bool,
     /// Ranks that share the records. One rank stores the recipe of each record.
     ranks: Arc<dyn Ranks>,
 }
 
 impl Cached {
-    /// Creates an empty cache for a film with `plan` and at most `most_samples` samples per pixel.
+    /// Creates an empty cache for a film with `plan` and at most `most_samples` samples per pixel. Updates wait if the
+    /// plan reprojects light: they reuse light of earlier frames, too.
     pub fn new(plan: &Plan, most_samples: u32, ranks: Arc<dyn Ranks>) -> Self {
         let changing = [Stage::ObjectPlacing, Stage::Deformation, Stage::Photons, Stage::TreeUpdate];
         let at_rest = !changing.into_iter().any(|stage| plan.is_on(stage));
         let compensates = plan.is_on(Stage::Compensation);
         let has_more = most_samples > 1;
-        Self { records: IrradianceCache::default(), at_rest, compensates, has_more, intensities: Vec::new(), ranks }
+        Self {
+            records: IrradianceCache::default(),
+            at_rest,
+            compensates,
+            has_more,
+            intensities: Vec::new(),
+            recent: RecentChanges::default(),
+            waits: plan.is_on(Stage::ReprojectedLight),
+            ranks,
+        }
     }
 
     /// Returns the light tree of a frame, as the source of records.
@@ -68,6 +84,8 @@ impl Cached {
             visibility: Visibility::new(frame, GATHER_RAYS),
             counts,
             swept: if is_first { &movement.swept } else { &[] },
+            recent: self.recent.clone(),
+            waits: self.waits && part.is_none() && !self.recent.is_sudden(),
             standing: movement.standing(),
             moving: frame.surfaces.moving(),
             compensates: self.compensates,
@@ -112,17 +130,19 @@ impl Layer for Cached {
         let (busy, counts) = (Busy::default(), Counts::default());
         let is_first_of_many = sample == 0 && self.has_more;
         let request = Request { seen: matte, moving: frame.surfaces.moving(), wanted, is_first_of_many, ranks };
+        let is_new_frame = part.is_none() && sample == 0;
+        let changes = is_new_frame.then(|| {
+            let before = std::mem::replace(&mut self.intensities, intensities(frame));
+            self.recent.note(&visible.movement.swept, &before, &self.intensities);
+            changes(&before, visible)
+        });
         let (light, records) = (self.tree_light(visible, tolerance, &counts), &mut self.records);
         // Update records with the first sample of a frame or region; later samples reuse them.
-        let lit = busy.take(match part {
-            Some(RegionSample::First) => records.light_region(request, &light),
-            Some(RegionSample::Further) => records.light_more_of_region(request, &light),
-            None if sample == 0 => {
-                let changes = changes(&self.intensities, visible);
-                self.intensities = intensities(frame);
-                records.light(request, changes, &light)
-            }
-            None => records.light_more(request, &light),
+        let lit = busy.take(match (part, changes) {
+            (Some(RegionSample::First), _) => records.light_region(request, &light),
+            (Some(RegionSample::Further), _) => records.light_more_of_region(request, &light),
+            (None, Some(changes)) => records.light(request, changes, &light),
+            (None, None) => records.light_more(request, &light),
         });
         Lit {
             rays: counts.rays(),
@@ -156,25 +176,27 @@ impl Layer for Cached {
 
     fn forget(&mut self) {
         (self.records, self.intensities) = (IrradianceCache::default(), Vec::new());
+        self.recent = RecentChanges::default();
     }
 
     /// Returns the state: on rank 0 with the recipes of all ranks, on other ranks empty.
     fn state(&self) -> Vec<u8> {
-        let state = encode(&self.records);
+        let state = encode(&(&self.records, &self.recent));
         if self.ranks.count() == 1 {
             return state;
         }
         // Collect the recipes of all ranks on rank 0: only one rank stores each recipe.
         let Some(kept) = self.ranks.gather(encode(&self.records.kept())) else { return Vec::new() };
-        let mut whole: IrradianceCache<Recipe> = decode(&state).expect("the state was encoded here");
+        let (mut whole, recent): (IrradianceCache<Recipe>, RecentChanges) =
+            decode(&state).expect("the state was encoded here");
         for kept in kept {
             whole.complete(decode(&kept).expect("every rank sends its recipes"));
         }
-        encode(&whole)
+        encode(&(whole, recent))
     }
 
     fn restore(&mut self, state: &[u8], last: &Frame<'_>) -> Result<()> {
-        let mut records: IrradianceCache<Recipe> = decode(state)?;
+        let (mut records, recent): (IrradianceCache<Recipe>, RecentChanges) = decode(state)?;
         let intensities = intensities(last);
 
         // Check all indices: a forged state may contain indices out of range.
@@ -190,7 +212,7 @@ impl Layer for Cached {
         }
         // Drop the recipes that other ranks store.
         records.keep_own(&*self.ranks);
-        (self.records, self.intensities) = (records, intensities);
+        (self.records, self.intensities, self.recent) = (records, intensities, recent);
         Ok(())
     }
 }

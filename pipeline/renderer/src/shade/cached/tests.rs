@@ -20,7 +20,19 @@ fn tree_light<'a>(
 ) -> TreeLight<'a> {
     let visibility = Visibility::new(visible.frame, GATHER_RAYS);
     let (swept, standing) = (&[][..], Vec::new());
-    TreeLight { visible, tolerance, visibility, counts, swept, standing, moving, compensates: false, at_rest: false }
+    TreeLight {
+        visible,
+        tolerance,
+        visibility,
+        counts,
+        swept,
+        recent: RecentChanges::default(),
+        waits: false,
+        standing,
+        moving,
+        compensates: false,
+        at_rest: false,
+    }
 }
 
 /// Adds parallelograms that face a × b.

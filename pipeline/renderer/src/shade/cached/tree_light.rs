@@ -1,5 +1,6 @@
 //! The light tree as the source of cache records: computes records, and updates them from their stored clusters.
 
+use super::recent::RecentChanges;
 use super::recipe::Recipe;
 use crate::shade::audits::{MadeLightcut, is_record_audited};
 use crate::shade::counts::Counts;
@@ -53,6 +54,10 @@ pub(super) struct TreeLight<'a> {
     pub counts: &'a Counts,
     /// Boxes around old and new poses of all objects that have moved since the previous frame.
     pub swept: &'a [MovingBox],
+    /// Motion and light of the last frames.
+    pub recent: RecentChanges,
+    /// Whether updates of records may wait.
+    pub waits: bool,
     /// Boxes around the current poses of all moving objects.
     pub standing: Vec<MovingBox>,
     /// Whether each instance moves during the film.
@@ -162,9 +167,14 @@ impl Illumination for TreeLight<'_> {
 
         // Repeat the final gather near moving objects, which have changed the surroundings.
         let receiver = self.receiver(site);
-        let gathers_again = match known {
-            LastUpdate::LastFrame => self.is_near(self.swept, site),
-            LastUpdate::Earlier => recipe.near_moving || self.is_near(&self.standing, site),
+        let swept = match known {
+            LastUpdate::FramesAgo(1) => Some(self.swept),
+            LastUpdate::FramesAgo(frames) => self.recent.since(frames),
+            LastUpdate::Earlier => None,
+        };
+        let gathers_again = match swept {
+            Some(swept) => self.is_near(swept, site),
+            None => recipe.near_moving || self.is_near(&self.standing, site),
         };
         let known_changes = self.visible.known.is_some_and(|known| site.carrier != NOTHING || known.changes());
         if gathers_again || known_changes {
@@ -176,7 +186,7 @@ impl Illumination for TreeLight<'_> {
         let lights = self.visible.frame.tree.lights();
         let may_have_changed = |cluster: &Cluster| {
             let lamp = lights[cluster.light as usize].position.into();
-            known == LastUpdate::Earlier || self.swept.iter().any(|swept| swept.is_crossed(receiver.position, lamp))
+            swept.is_none_or(|swept| swept.iter().any(|swept| swept.is_crossed(receiver.position, lamp)))
         };
         let mut rays = 0;
         for (clusters, visible) in recipe.packets() {
@@ -194,6 +204,11 @@ impl Illumination for TreeLight<'_> {
     /// Returns the number of clusters in the lightcut.
     fn note(&self, recipe: &Recipe) -> u32 {
         recipe.size
+    }
+
+    fn may_wait(&self, site: &Site) -> bool {
+        // Light that a mover carries, or that it blocks nearby, changes unevenly.
+        self.waits && site.carrier == NOTHING && !self.is_near(self.swept, site)
     }
 
     fn is_discarded(&self) -> bool {
