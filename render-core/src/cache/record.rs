@@ -100,14 +100,14 @@ impl<R> Record<R> {
     /// ```
     pub fn waits(&self, frame: u32) -> bool {
         let longest = WAITING * self.estimate.tolerance / self.rate;
-        let Some(k) = [4, 2].into_iter().find(|&k| k as f32 <= longest) else { return false };
+        let Some(k) = [MOST_WAITED as u32, 2].into_iter().find(|&k| k as f32 <= longest) else { return false };
         // Numbers spread the updates evenly over the frames.
         !self.moved && frame - self.current < k && !self.number.wrapping_add(frame).is_multiple_of(k)
     }
 
     /// Sets the light of `frame` and updates the radius. The limit by neighbors is unchanged.
     pub fn relit(&mut self, frame: u32, estimate: LocalIrradiance) {
-        // A pause between changes does not end the waiting for the next one.
+        // Long pauses between changes do not lower the rate.
         let change = luminance(estimate.irradiance - self.estimate.irradiance).abs();
         let rate = change / (frame - self.current).clamp(1, MOST_WAITED as u32) as f32;
         self.rate = if self.rate == f32::INFINITY { rate } else { rate.max(FADING * self.rate) };

@@ -147,7 +147,7 @@ impl Shading<'_> {
     fn coverage(&self, frame: &Frame, first: &Sample, has_layers: bool, visibility: &Busy) -> Option<Coverage> {
         let Frame { accelerator, surfaces, seen, .. } = frame;
         let scene = PosedScene::new(accelerator, surfaces);
-        if self.plan.is_on(Stage::Antialiasing) && !(self.aside.is_some() && self.has_stopped()) {
+        if self.plan.is_on(Stage::Antialiasing) && !self.is_discarded() {
             return Some(visibility.take(Coverage::of(seen, scene, &first.whole())));
         }
         let is_layered = !has_layers && !seen.layered.is_empty();

@@ -203,6 +203,11 @@ impl<'a> Shading<'a> {
         self.stop = stop;
     }
 
+    /// Returns whether the frame in work will be discarded.
+    fn is_discarded(&self) -> bool {
+        self.aside.is_some() && self.has_stopped()
+    }
+
     fn has_stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }

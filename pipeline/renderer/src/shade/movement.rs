@@ -3,7 +3,7 @@
 use crate::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
 use render_core::scene::{DeformedMesh, Material};
-use render_core::{GBuffer, Surfaces};
+use render_core::{GBuffer, Surfaces, luminance};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -109,6 +109,19 @@ fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<M
         }
     }
     swept
+}
+
+/// Returns the change of the lights' intensities, as a fraction of all light; infinite if the numbers of lights differ.
+pub(super) fn change_of_light(before: &[Vec3], now: &[Vec3]) -> f32 {
+    if before.len() != now.len() {
+        return f32::INFINITY;
+    }
+    let (mut change, mut sum) = (0.0, 0.0);
+    for (then, now) in before.iter().zip(now) {
+        change += luminance((*now - *then).abs());
+        sum += luminance(*now);
+    }
+    if change > 0.0 { change / sum } else { 0.0 }
 }
 
 impl MovingBox {

@@ -1,9 +1,8 @@
 //! Motion and light of the last frames, which decide whether updates of records may wait.
 
-use crate::shade::movement::MovingBox;
+use crate::shade::movement::{MovingBox, change_of_light};
 use glam::Vec3;
 use render_core::cache::MOST_WAITED;
-use render_core::luminance;
 use serde::{Deserialize, Serialize};
 
 /// Ratio of the size of an object's swept box to that in the previous frame above which its motion is sudden.
@@ -26,7 +25,7 @@ pub(super) struct RecentChanges {
 impl RecentChanges {
     /// Notes the boxes `swept` since the previous frame, and the intensities of the lights `before` and `now`.
     pub fn note(&mut self, swept: &[MovingBox], before: &[Vec3], now: &[Vec3]) {
-        let change = change(before, now);
+        let change = change_of_light(before, now);
         let may_change = self.change.map(|last| (BRIGHTER.0 * last).max(BRIGHTER.1));
         let moves_alike = |thing: &MovingBox| {
             let last = self.since.first().and_then(|last| last.iter().find(|last| last.instance == thing.instance));
@@ -58,19 +57,6 @@ impl RecentChanges {
     pub fn since(&self, frames: usize) -> Option<&[MovingBox]> {
         Some(self.since.get(frames.checked_sub(1)?)?)
     }
-}
-
-/// Returns the change of the intensities, as a fraction of all light.
-fn change(before: &[Vec3], now: &[Vec3]) -> f32 {
-    if before.len() != now.len() {
-        return f32::INFINITY;
-    }
-    let (mut change, mut sum) = (0.0, 0.0);
-    for (then, now) in before.iter().zip(now) {
-        change += luminance((*now - *then).abs());
-        sum += luminance(*now);
-    }
-    if change > 0.0 { change / sum } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use crate::frame::Frame;
 use crate::shade::audits::{Audits, reuse_in_turns};
 use crate::shade::direct::{margin, shades};
 use crate::shade::layer::{Layer, Lit, Visible};
-use crate::shade::movement::{MovingBox, Sphere};
+use crate::shade::movement::{MovingBox, Sphere, change_of_light};
 use crate::shade::reprojected::{allowed_error, most_lit};
 use crate::shade::tolerance::Tolerance;
 use glam::Vec3;
@@ -66,12 +66,7 @@ impl ReprojectedCoats {
     fn holds(&mut self, frame: &Frame) -> bool {
         let lamps = self.lamps.replace(frame.direct.clone());
         let before = std::mem::replace(&mut self.intensities, intensities(frame));
-        let (mut change, mut sum) = (0.0, 0.0);
-        for (then, now) in before.iter().zip(&self.intensities) {
-            change += luminance((*now - *then).abs());
-            sum += luminance(*now);
-        }
-        let has_same_lights = before.len() == self.intensities.len() && change <= CHANGED * sum;
+        let has_same_lights = change_of_light(&before, &self.intensities) <= CHANGED;
         has_same_lights && lamps.is_some_and(|lamps| lamps.has_lamps_of(&frame.direct))
     }
 }
