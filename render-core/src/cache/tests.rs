@@ -297,8 +297,6 @@ fn openness_follows_the_picture() {
     assert!(cache.records.iter().filter(|r| r.site.position.y == 0.0).all(|r| r.site.openness == 1.0));
 }
 
-/// Without changes, no record is computed. After a change of light, all records are relit at once, exactly as if they
-/// were new.
 /// A lamp that becomes brighter by a fraction of a tolerance per frame needs few updates, and its light stays within a
 /// quarter of a tolerance. A lamp that becomes brighter by more is followed at once.
 #[test]
@@ -328,6 +326,8 @@ fn slow_changes_wait_within_a_quarter_of_the_tolerance() {
     }
 }
 
+/// Without changes, no record is computed. After a change of light, all records are relit at once, exactly as if they
+/// were new.
 #[test]
 fn light_that_changes_is_followed_at_once() {
     let (seen, lamp) = (floor(|_| ()), Lamp::default());

@@ -1,4 +1,4 @@
-//! Motion of instances between frames, which may change the light on surfaces.
+//! Motion of instances and changes of lights between frames, which may change the light on surfaces.
 
 use crate::frame::Frame;
 use glam::{Affine3A, BVec3A, Vec3, Vec3A};
@@ -109,6 +109,11 @@ fn swept(before: &[Option<InstancePose>], now: &[Option<InstancePose>]) -> Vec<M
         }
     }
     swept
+}
+
+/// Returns the intensities of a frame's lights.
+pub(super) fn intensities(frame: &Frame) -> Vec<Vec3> {
+    frame.tree.lights().iter().map(|light| light.intensity).collect()
 }
 
 /// Returns the change of the lights' intensities, as a fraction of all light; infinite if the numbers of lights differ.

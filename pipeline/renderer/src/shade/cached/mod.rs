@@ -8,6 +8,7 @@ mod tree_light;
 use super::audits::Audits;
 use super::counts::{Counts, RecordCounts};
 use super::layer::{Layer, Lit, RegionLayer, RegionSample, Visible};
+use super::movement::intensities;
 use super::pixel::is_dark;
 use super::reprojected::{Holding, Reprojectable};
 use super::tolerance::Tolerance;
@@ -106,11 +107,6 @@ impl Cached {
         }
         picture
     }
-}
-
-/// Returns the intensities of a frame's lights.
-fn intensities(frame: &Frame) -> Vec<Vec3> {
-    frame.tree.lights().iter().map(|light| light.intensity).collect()
 }
 
 /// Returns whether the lights of the tree have the given `intensities`.

@@ -17,7 +17,7 @@ use crate::frame::Frame;
 use crate::shade::audits::{Audits, reuse_in_turns};
 use crate::shade::direct::{margin, shades};
 use crate::shade::layer::{Layer, Lit, Visible};
-use crate::shade::movement::{MovingBox, Sphere, change_of_light};
+use crate::shade::movement::{MovingBox, Sphere, change_of_light, intensities};
 use crate::shade::reprojected::{allowed_error, most_lit};
 use crate::shade::tolerance::Tolerance;
 use glam::Vec3;
@@ -69,10 +69,6 @@ impl ReprojectedCoats {
         let has_same_lights = change_of_light(&before, &self.intensities) <= CHANGED;
         has_same_lights && lamps.is_some_and(|lamps| lamps.has_lamps_of(&frame.direct))
     }
-}
-
-fn intensities(frame: &Frame) -> Vec<Vec3> {
-    frame.tree.lights().iter().map(|light| light.intensity).collect()
 }
 
 /// Coat of a pixel with its albedo.
