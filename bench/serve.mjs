@@ -13,7 +13,7 @@
 import { existsSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { resolve } from "node:path";
-import { cpuSeconds, mean, memory, open, pause, proxy, quantile, rest, serve, sway, take } from "./serve_browser.mjs";
+import { cpuSeconds, idle, mean, memory, open, pause, proxy, quantile, rest, serve, sway, take } from "./serve_browser.mjs";
 import { plot } from "./serve_plot.mjs";
 
 const [program, scene, what = "keys", ...options] = process.argv.slice(2);
@@ -71,10 +71,10 @@ async function atRest(browser) {
   const { server, link, at } = await start();
   const tab = await open(browser, link);
   print({ first_picture_in_page_ms: performance.now() - at });
-  await rest(tab);
+  await idle(server);
   await sway(tab, 1.5);
   const released = await tab.evaluate(() => performance.now());
-  await rest(tab);
+  await idle(server);
   const drawn = await tab.evaluate(() => window.drawn.slice(-4));
   const [before, count] = [cpuSeconds(server.pid), await tab.evaluate(() => window.drawn.length)];
   await pause(2000);

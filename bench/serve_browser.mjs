@@ -93,6 +93,15 @@ export async function rest(tab) {
   await tab.waitForFunction(() => performance.now() - window.drawn.at(-1).at > 500, null, { timeout: 60000 });
 }
 
+// Waits until the server has used almost no CPU time for half a second: a picture of a large scene may take longer than
+// the pause that `rest` waits for.
+export async function idle({ pid }) {
+  for (let before = -1; cpuSeconds(pid) - before > 0.02; ) {
+    before = cpuSeconds(pid);
+    await pause(500);
+  }
+}
+
 // Takes the recorded pictures of a tab, except the last one.
 export function take(tab) {
   return tab.evaluate(() => window.drawn.splice(0, window.drawn.length - 1));

@@ -118,7 +118,7 @@ pub struct LiveLoop<'a> {
     video: LiveVideo,
     /// Thresholds of the last picture.
     thresholds: Option<LuminanceThresholds>,
-    /// Mean ratio of threshold to luminance in the last picture.
+    /// Mean ratio of threshold to luminance in the last picture, or the permitted ratio of the first one.
     threshold_mean_relative: f64,
     /// Number of the next picture, from 0.
     index: u32,
@@ -157,6 +157,11 @@ impl<'a> LiveLoop<'a> {
     /// Computes the light of the scene for all views, before the first picture.
     pub fn make_ready(&mut self) {
         self.prepare.make_ready();
+    }
+
+    /// Permits an error of light in the first picture, relative to luminance. No earlier picture has thresholds for it.
+    pub fn permit_first_error(&mut self, relative: f64) {
+        self.threshold_mean_relative = relative;
     }
 
     /// Returns the number of pictures in the stream so far.

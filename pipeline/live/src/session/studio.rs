@@ -19,10 +19,13 @@ use std::time::{Duration, Instant};
 /// sequence_end_code (13818-2, Table 6-1).
 const SEQUENCE_END: [u8; 4] = [0, 0, 1, 0xb7];
 
-/// quantiser_scale of the first picture with all light, which nobody receives.
+/// quantiser_scale of the first picture of each loop, which nobody receives.
 const WARM_QUANTISER: u32 = 8;
 /// Time after which viewers see direct light if the light of the scene is not ready.
 const SOON: Duration = Duration::from_millis(400);
+/// Permitted error of the first picture's light, relative to luminance. In `conference`, 0.02 takes twice the time and
+/// looks the same, except for a few dark pixels.
+const FIRST_ERROR: f64 = 0.2;
 
 /// Recording of all pictures in a file.
 #[derive(Debug)]
@@ -95,46 +98,30 @@ impl Studio {
     }
 
     fn render(&self, scene: &Arc<Scene>, settings: &Settings) -> LiveResult<()> {
+        // Light the first view with direct light before all other work: viewers wait for it.
+        let begin = Instant::now();
+        let direct = with_direct_light(settings);
+        let plans = LivePlans::new(scene, &direct);
+        let mut live = LiveLoop::new(scene, &direct, &plans)?;
+        live.permit_first_error(FIRST_ERROR);
+        live.picture(PictureRequest::new(self.session.moment(), WARM_QUANTISER))?;
+        live.continue_after(0)?;
+
         // Make the light of the scene on another thread, which then renders the pictures.
         let is_ready = Arc::new(AtomicBool::new(false));
         let (hand_over, orders) = mpsc::channel();
-        let (done, results) = mpsc::channel();
-        let lit = LitStudio {
-            studio: Self {
-                session: self.session.clone(),
-                recording: self.recording.clone(),
-                threads: Some(further_threads()?),
-            },
-            is_ready: is_ready.clone(),
-            orders,
-        };
-        let (lit_scene, lit_settings) = (scene.clone(), settings.clone());
-        let work = move || {
-            // The session also ends if this thread panics.
-            let ending = Ending { session: lit.studio.session.clone(), done: Some(done) };
-            let result = lit.run(&lit_scene, &lit_settings);
-            let _ = ending.done.as_ref().map(|done| done.send(result));
-        };
-        let started = std::thread::Builder::new().name("live".into()).spawn(work);
-        started.map_err(|source| LiveError::System { what: "a thread", source })?;
+        let results = self.start_all_light(scene, settings, is_ready.clone(), orders)?;
 
-        // Begin with direct light if that takes long.
+        // Show direct light if that takes long.
         let is_ready = || is_ready.load(Ordering::Acquire);
-        let begin = Instant::now();
         while !is_ready() && !self.session.has_ended() && begin.elapsed() < SOON {
             std::thread::sleep(Duration::from_millis(5));
         }
-        let mut pictures = 0;
-        let mut first = None;
-        if !is_ready() && !self.session.has_ended() {
-            let direct = with_direct_light(settings);
-            let plans = LivePlans::new(scene, &direct);
-            let mut live = LiveLoop::new(scene, &direct, &plans)?;
-            first = self.serve(&mut live, is_ready)?;
-            pictures = live.pictures();
-        }
+        let first = if is_ready() { None } else { self.serve(&mut live, is_ready)? };
 
         // Wait for the end of the session, without waiting for the other thread.
+        let pictures = live.pictures();
+        drop(live);
         let _ = hand_over.send(first.map(|order| (order, pictures)));
         self.session.wait_for_end();
         match results.try_recv() {
@@ -142,6 +129,31 @@ impl Studio {
             Err(TryRecvError::Empty) => Ok(()),
             Err(TryRecvError::Disconnected) => Err(LiveError::Light),
         }
+    }
+
+    /// Starts the thread that computes all light, then sets `is_ready`, and renders pictures from the message of
+    /// `orders` on. Returns the receiver of its result.
+    fn start_all_light(
+        &self,
+        scene: &Arc<Scene>,
+        settings: &Settings,
+        is_ready: Arc<AtomicBool>,
+        orders: Receiver<Option<Handover>>,
+    ) -> LiveResult<Receiver<LiveResult<()>>> {
+        let (done, results) = mpsc::channel();
+        let threads = Some(further_threads()?);
+        let studio = Self { session: self.session.clone(), recording: self.recording.clone(), threads };
+        let lit = LitStudio { studio, is_ready, orders };
+        let (scene, settings) = (scene.clone(), settings.clone());
+        let work = move || {
+            // The session also ends if this thread panics.
+            let ending = Ending { session: lit.studio.session.clone(), done: Some(done) };
+            let result = lit.run(&scene, &settings);
+            let _ = ending.done.as_ref().map(|done| done.send(result));
+        };
+        let started = std::thread::Builder::new().name("live".into()).spawn(work);
+        started.map_err(|source| LiveError::System { what: "a thread", source })?;
+        Ok(results)
     }
 
     /// Renders ordered pictures until the session ends. Returns an order that another loop should take, because `ends`
