@@ -4,7 +4,7 @@ use super::cut_outs::{CutOuts, Sheets};
 use super::panes::Panes;
 use super::ray::Ray;
 use super::reach::Reach;
-use super::tree::{Costs, Tree, Visit};
+use super::tree::{Costs, Tree, Visit, VisitAny};
 use super::triangles::{BLOCK, Leaf, Owner, TriangleBlock};
 use lanes::{LANES, Lanes};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
@@ -237,9 +237,7 @@ impl Group {
     /// Returns whether the ray hits a triangle before `limit` for which `accept(index, u, v)` is true.
     #[inline(always)]
     fn blocks_where<L: Lanes>(&self, lanes: L, ray: &Ray, limit: f32, accept: impl Fn(u32, f32, f32) -> bool) -> bool {
-        let mut visitor = AnyOf { group: self, ray, accept, found: false };
-        self.tree.walk(lanes, ray, limit, &mut visitor);
-        visitor.found
+        self.tree.stops(lanes, ray, limit, &AnyOf { group: self, ray, limit, accept })
     }
 }
 
@@ -297,26 +295,24 @@ impl<F: FnMut(&Leaf, usize, Met) -> f32> Visit for EachOf<'_, F> {
 struct AnyOf<'a, F> {
     group: &'a Group,
     ray: &'a Ray,
+    limit: f32,
     accept: F,
-    found: bool,
 }
 
-impl<F: Fn(u32, f32, f32) -> bool> Visit for AnyOf<'_, F> {
+impl<F: Fn(u32, f32, f32) -> bool> VisitAny for AnyOf<'_, F> {
     #[inline(always)]
-    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32 {
+    fn stops<L: Lanes>(&self, lanes: L, content: u32) -> bool {
+        // The ray enters the leaf's box within the limit, so that distances need no lower bound.
         let leaf = self.group.leaf(content);
-        if let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, near, limit) {
-            let (u, v) = (lanes.store(meeting.u), lanes.store(meeting.v));
-            while bits != 0 {
-                let lane = bits.trailing_zeros() as usize & (LANES - 1);
-                bits &= bits - 1;
-                if (self.accept)(leaf.triangle(lane), u[lane], v[lane]) {
-                    self.found = true;
-                    // End the traversal: any hit suffices.
-                    return -1.0;
-                }
+        let Some((mut bits, meeting)) = leaf.meet(lanes, self.ray, 0.0, self.limit) else { return false };
+        let (u, v) = (lanes.store(meeting.u), lanes.store(meeting.v));
+        while bits != 0 {
+            let lane = bits.trailing_zeros() as usize & (LANES - 1);
+            bits &= bits - 1;
+            if (self.accept)(leaf.triangle(lane), u[lane], v[lane]) {
+                return true;
             }
         }
-        limit
+        false
     }
 }

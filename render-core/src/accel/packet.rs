@@ -79,6 +79,9 @@ pub(super) struct Packet {
 
 /// Visitor of the leaves in [`Packet::walk`].
 pub(super) trait VisitTogether {
+    /// Whether nearer boxes are visited first.
+    const IN_ORDER: bool;
+
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered);
 }
 
@@ -87,6 +90,8 @@ pub(super) trait VisitTogether {
 pub(super) struct Triangles<'a, const CLOSEST: bool>(pub(super) &'a Group);
 
 impl<const CLOSEST: bool> VisitTogether for Triangles<'_, CLOSEST> {
+    const IN_ORDER: bool = CLOSEST;
+
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
         if packet.meet_block::<L, CLOSEST>(lanes, self.0, content, entered) {
@@ -211,13 +216,13 @@ impl Packet {
 
     /// Visits each leaf with a box that any ray enters.
     #[inline(always)]
-    pub(super) fn walk<L: Lanes>(&mut self, lanes: L, tree: &Tree, visitor: &mut impl VisitTogether) {
+    pub(super) fn walk<L: Lanes, V: VisitTogether>(&mut self, lanes: L, tree: &Tree, visitor: &mut V) {
         let origin = lanes.splat3(self.origin);
         let (near_low, near_high) = (lanes.splat3(self.near_range[0]), lanes.splat3(self.near_range[1]));
         let (far_low, far_high) = (lanes.splat3(self.far_range[0]), lanes.splat3(self.far_range[1]));
         let mut entered = Entered { near: [[f32::INFINITY; LANES]; ROWS], rows: 0 };
         // Create a stack of boxes, each with its distance, its node and lane, and the rows that may enter it.
-        let mut stack = Stack::<(u32, u32, u32)>::new();
+        let (mut stack, mut top) = (Stack::<(u32, u32, u32)>::new(), 0);
         let (mut at, mut rows) = (0, (1u32 << self.used) - 1);
         loop {
             // Bound the packet: no ray enters earlier than `near`, and no ray leaves later than `far`.
@@ -228,16 +233,23 @@ impl Packet {
             let near = lanes.greatest(near, lanes.splat(0.0));
             let far = lanes.least(far, lanes.splat(self.farthest));
             let bits = lanes.bits(lanes.le(near, far));
-            // Push the boxes that the packet may enter, nearest on top.
-            if bits != 0 {
+            // Push the boxes that the packet may enter, nearest on top if the order matters.
+            if !V::IN_ORDER {
+                let (mut bits, near) = (bits, lanes.store(near));
+                while bits != 0 {
+                    let lane = bits.trailing_zeros() as usize & (LANES - 1);
+                    bits &= bits - 1;
+                    stack.push(&mut top, (near[lane].to_bits(), (at * LANES + lane) as u32, rows));
+                }
+            } else if bits != 0 {
                 let (keys, count) = farthest_first(bits, &lanes.store(near));
                 for key in &keys[..count] {
-                    stack.push(((key >> 32) as u32, (at * LANES) as u32 | *key as u32, rows));
+                    stack.push(&mut top, ((key >> 32) as u32, (at * LANES) as u32 | *key as u32, rows));
                 }
             }
             // Pop boxes until a ray enters an inner node.
             (at, rows) = loop {
-                let Some((near, place, candidates)) = stack.pop() else { return };
+                let Some((near, place, candidates)) = stack.pop(&mut top) else { return };
                 if f32::from_bits(near) > self.farthest {
                     continue;
                 }

@@ -6,7 +6,7 @@ use super::packet::{Entered, PACKET, Packet, PacketRay, Triangles, VisitTogether
 use super::ray::{Octant, Ray};
 use super::reach::Reach;
 use super::ties::{Rival, choose};
-use super::tree::Visit;
+use super::tree::{Visit, VisitAny};
 use super::{Accelerator, PlacedGroup};
 use glam::Vec3A;
 use lanes::{Kernel, Lanes};
@@ -151,27 +151,17 @@ impl Kernel for Blocked<'_> {
         if let Some(group) = scene.sole_group() {
             return group.blocks(lanes, &ray, limit, (None, scene.sheets));
         }
-        let mut visitor = AnyGroup { scene, origin, direction, blocked: false };
-        scene.top.walk(lanes, &ray, limit, &mut visitor);
-        visitor.blocked
+        scene.top.stops(lanes, &ray, limit, &self)
     }
 }
 
-struct AnyGroup<'a> {
-    scene: &'a Accelerator,
-    origin: Vec3A,
-    direction: Vec3A,
-    blocked: bool,
-}
-
-impl Visit for AnyGroup<'_> {
+impl VisitAny for Blocked<'_> {
     #[inline(always)]
-    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, _: f32, limit: f32) -> f32 {
+    fn stops<L: Lanes>(&self, lanes: L, content: u32) -> bool {
         let placed = &self.scene.groups[content as usize];
         let (origin, direction) = placed.local(self.origin, self.direction);
         let shown = (placed.instance, self.scene.sheets);
-        self.blocked = placed.group.blocks(lanes, &Ray::new(origin, direction), limit, shown);
-        if self.blocked { -1.0 } else { limit }
+        placed.group.blocks(lanes, &Ray::new(origin, direction), self.limit, shown)
     }
 }
 
@@ -244,6 +234,8 @@ struct Groups<'a, const CLOSEST: bool> {
 }
 
 impl<const CLOSEST: bool> VisitTogether for Groups<'_, CLOSEST> {
+    const IN_ORDER: bool = CLOSEST;
+
     #[inline(always)]
     fn leaf<L: Lanes>(&mut self, lanes: L, packet: &mut Packet, content: u32, entered: &Entered) {
         let place = content as usize;

@@ -373,15 +373,17 @@ fn is_beside([a, b, c]: [Vec3A; 3], points: &[Vec<Vec3A>; 2], slack: f32) -> boo
 struct Touched<'a> {
     tree: &'a Tree,
     stack: Stack<u32>,
+    /// Number of entries of the stack.
+    top: usize,
     /// Node, and the mask of its unvisited children.
     at: (usize, u32),
 }
 
 impl<'a> Touched<'a> {
     fn new(tree: &'a Tree) -> Self {
-        let mut stack = Stack::new();
-        stack.push(0);
-        Self { tree, stack, at: (0, 0) }
+        let (mut stack, mut top) = (Stack::new(), 0);
+        stack.push(&mut top, 0);
+        Self { tree, stack, top, at: (0, 0) }
     }
 
     /// Returns the content of the next leaf that intersects the hull.
@@ -391,13 +393,13 @@ impl<'a> Touched<'a> {
             let (node, children) = self.at;
             // Visit the next node once all children of this node are visited.
             if children == 0 {
-                let node = self.stack.pop()? as usize;
+                let node = self.stack.pop(&mut self.top)? as usize;
                 self.at = (node, hull.boxes(lanes, &self.tree.nodes[node].planes));
                 continue;
             }
             self.at.1 = children & (children - 1);
             match self.tree.nodes[node].children[children.trailing_zeros() as usize % LANES].kind() {
-                ChildKind::Node(index) => self.stack.push(index as u32),
+                ChildKind::Node(index) => self.stack.push(&mut self.top, index as u32),
                 ChildKind::Leaf(content) => return Some(content),
             }
         }

@@ -1,4 +1,4 @@
-//! BVH with eight boxes per node, and the traversal by a single ray.
+//! BVH with eight boxes per node. The module `walk` traverses it with a single ray.
 //!
 //! The boxes of a node are stored next to each other. One step tests a ray against all eight (Wald, Benthin & Boulos
 //! 2008).
@@ -16,15 +16,16 @@
 //!   the order of visits.
 
 mod build;
+mod walk;
 
 pub(super) use build::Costs;
+pub(super) use walk::{Visit, VisitAny};
 
-use super::ray::Ray;
 use lanes::{LANES, Lanes};
 
-/// Tree node: eight boxes and their contents.
+/// Tree node: eight boxes and their contents, in four cache lines.
 #[derive(Clone, Debug)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub(super) struct WideNode {
     /// Minimum x, y, z and maximum x, y, z of each box. An empty slot has minimum ∞ and maximum −∞, so no ray hits it.
     pub(super) planes: [[f32; LANES]; 6],
@@ -62,10 +63,10 @@ pub(super) struct Tree {
 /// Number of entries in a [`Stack`] before it allocates memory.
 const COMMON: usize = 32;
 
-/// Stack of unvisited boxes. It is nearly always short, and it grows if needed.
+/// Stack of unvisited boxes. It is nearly always short, and it grows if needed. The caller has the number of its
+/// entries in a variable `top`, which stays in a register.
 pub(super) struct Stack<T> {
     entries: [T; COMMON],
-    length: usize,
     /// Overflow entries, which only trees of adversarial scenes need.
     spill: Vec<T>,
 }
@@ -73,29 +74,25 @@ pub(super) struct Stack<T> {
 impl<T: Copy + Default> Stack<T> {
     #[inline(always)]
     pub(super) fn new() -> Self {
-        Self { entries: [T::default(); COMMON], length: 0, spill: Vec::new() }
+        Self { entries: [T::default(); COMMON], spill: Vec::new() }
     }
 
     #[inline(always)]
-    pub(super) fn push(&mut self, entry: T) {
-        match self.entries.get_mut(self.length) {
-            Some(place) => {
-                *place = entry;
-                self.length += 1;
-            }
+    pub(super) fn push(&mut self, top: &mut usize, entry: T) {
+        match self.entries.get_mut(*top) {
+            Some(place) => *place = entry,
             None => self.spill.push(entry),
         }
+        *top += 1;
     }
 
     #[inline(always)]
-    pub(super) fn pop(&mut self) -> Option<T> {
-        if self.length == COMMON
-            && let Some(entry) = self.spill.pop()
-        {
-            return Some(entry);
+    pub(super) fn pop(&mut self, top: &mut usize) -> Option<T> {
+        *top = top.checked_sub(1)?;
+        match self.entries.get(*top) {
+            Some(&entry) => Some(entry),
+            None => self.spill.pop(),
         }
-        self.length = self.length.checked_sub(1)?;
-        self.entries.get(self.length).copied()
     }
 }
 
@@ -120,13 +117,6 @@ pub(super) fn farthest_first(mut bits: u32, near: &[f32; LANES]) -> ([u64; LANES
     (keys, count)
 }
 
-/// Visitor of the leaves in [`Tree::walk`].
-pub(super) trait Visit {
-    /// Receives a leaf, the distance to its box and the current limit. Returns the new limit. A negative limit ends the
-    /// traversal.
-    fn leaf<L: Lanes>(&mut self, lanes: L, content: u32, near: f32, limit: f32) -> f32;
-}
-
 impl WideNode {
     /// Returns the near and the far planes of the eight boxes. `near_plane` contains the indices of the planes that a
     /// ray crosses first.
@@ -137,66 +127,5 @@ impl WideNode {
             lanes.load3([&self.planes[x], &self.planes[y], &self.planes[z]]),
             lanes.load3([&self.planes[(x + 3) % 6], &self.planes[(y + 3) % 6], &self.planes[(z + 3) % 6]]),
         )
-    }
-}
-
-impl Tree {
-    /// Visits every leaf with a box that the ray enters within `limit`, nearer leaves first.
-    #[inline(always)]
-    pub(super) fn walk<L: Lanes>(&self, lanes: L, ray: &Ray, mut limit: f32, visitor: &mut impl Visit) {
-        let from = lanes.splat3(ray.origin.to_array());
-        let inverse_near = lanes.splat3(ray.inverse_near);
-        let inverse_far = lanes.splat3(ray.inverse_far);
-        let mut stack = Stack::<(u32, Child)>::new();
-        let mut at = 0;
-        loop {
-            // Test the ray against all eight boxes of the node.
-            let node = &self.nodes[at];
-            let (near, far) = node.slabs(lanes, ray.near_plane);
-            let near = lanes.greatest(lanes.mul3(lanes.sub3(near, from), inverse_near), lanes.splat(0.0));
-            let far = lanes.least(lanes.mul3(lanes.sub3(far, from), inverse_far), lanes.splat(limit));
-            let bits = lanes.bits(lanes.le(near, far));
-            let near = lanes.store(near);
-            let mut next = if bits == 0 {
-                stack.pop()
-            } else if bits & (bits - 1) == 0 {
-                // Skip sorting if only one box is hit, which is the usual case.
-                let lane = bits.trailing_zeros() as usize & (LANES - 1);
-                Some((near[lane].to_bits(), node.children[lane]))
-            } else if bits.count_ones() == 2 {
-                // Sort two boxes by one comparison.
-                let entry = |lane: usize| (near[lane].to_bits(), node.children[lane]);
-                let a = entry(bits.trailing_zeros() as usize & (LANES - 1));
-                let b = entry((31 - bits.leading_zeros()) as usize & (LANES - 1));
-                let a_first = a.0 <= b.0;
-                stack.push(if a_first { b } else { a });
-                Some(if a_first { a } else { b })
-            } else {
-                // Push all boxes but the nearest, farthest first.
-                let (keys, count) = farthest_first(bits, &near);
-                let entry = |key: u64| ((key >> 32) as u32, node.children[key as usize & (LANES - 1)]);
-                for &key in &keys[..count - 1] {
-                    stack.push(entry(key));
-                }
-                Some(entry(keys[count - 1]))
-            };
-            // Visit leaves until the next inner node within the limit.
-            at = loop {
-                let Some((near, child)) = next else { return };
-                let near = f32::from_bits(near);
-                if near <= limit {
-                    match child.kind() {
-                        ChildKind::Node(index) => break index,
-                        ChildKind::Leaf(content) => {
-                            limit = visitor.leaf(lanes, content, near, limit);
-                            if limit < 0.0 {
-                                return;
-                            }
-                        }
-                    }
-                }
-                next = stack.pop();
-            };
-        }
     }
 }
