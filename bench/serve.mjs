@@ -32,7 +32,8 @@ const SIZES = [[1280, 720], [390, 844]];
 async function keys(browser) {
   const { server, link } = await start();
   const tab = await open(browser, link);
-  await rest(tab);
+  // Until the light of the scene is complete, it takes time from the pictures.
+  await idle(server);
   const presses = [];
   const end = performance.now() + 1000 * seconds(90);
   for (let k = 0; k < 40 && performance.now() < end; k++) {
