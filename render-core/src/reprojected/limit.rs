@@ -107,17 +107,19 @@ fn spread_measured(
     for &index in bare {
         is_lit[index as usize] = false;
     }
-    let mut mean = Vec3::ZERO;
-    for (&light, _) in light.samples().iter().zip(&is_lit).filter(|(_, is_lit)| **is_lit) {
+    let (mut mean, mut count, mut lit) = (Vec3::ZERO, 0, LitPixels::none(light.width(), light.height()));
+    for (index, (&light, _)) in light.samples().iter().zip(&is_lit).enumerate().filter(|(_, (_, is_lit))| **is_lit) {
         mean += Vec3::from(light);
+        count += 1;
+        lit.insert(index);
     }
-    mean /= is_lit.iter().filter(|&&is_lit| is_lit).count().max(1) as f32;
+    mean /= count.max(1) as f32;
 
     // Each round reads the light of earlier rounds only, so the order of pixels does not matter.
     let mut left = bare.to_vec();
     for _ in 0..ROUNDS {
         let around = |pixels: &[u32]| {
-            let of_pixel = |&index: &u32| around(light, seen, &is_lit, index as usize);
+            let of_pixel = |&index: &u32| around(light, seen, &lit, index as usize);
             busy.measure(|| pixels.iter().map(of_pixel).collect::<Vec<_>>())
         };
         let found: Vec<Option<Vec3>> = left.par_chunks(CHUNK).flat_map_iter(around).collect();
@@ -126,7 +128,7 @@ fn spread_measured(
             match found {
                 Some(found) => {
                     light.samples_mut()[index as usize] = found.to_array();
-                    is_lit[index as usize] = true;
+                    lit.insert(index as usize);
                 }
                 None => without.push(index),
             }
@@ -142,24 +144,55 @@ fn spread_measured(
 }
 
 /// Returns the weighted mean light of the lit pixels around the pixel `index`; `None` without such pixels.
-fn around(light: &Plane<[f32; 3]>, seen: &GBuffer, is_lit: &[bool], index: usize) -> Option<Vec3> {
+fn around(light: &Plane<[f32; 3]>, seen: &GBuffer, lit: &LitPixels, index: usize) -> Option<Vec3> {
     let (width, height) = (light.width(), light.height());
     let (x, y) = (index % width, index / width);
     let pixel = seen.pixels.samples()[index];
     let (mut sum, mut weights) = (Vec3::ZERO, 0.0);
     for v in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
-        for u in x.saturating_sub(REACH)..(x + REACH + 1).min(width) {
+        let mut columns = lit.around(x, v);
+        while columns != 0 {
+            let u = x + columns.trailing_zeros() as usize - REACH;
+            columns &= columns - 1;
             let other = v * width + u;
-            if is_lit[other] {
-                let distance2 = (u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2)) as f32;
-                let is_same = is_same_surface(&pixel, &seen.pixels.samples()[other]);
-                let weight = if is_same { 1.0 } else { OTHER_SURFACE } / distance2;
-                sum += Vec3::from(light.samples()[other]) * weight;
-                weights += weight;
-            }
+            let distance2 = (u.abs_diff(x).pow(2) + v.abs_diff(y).pow(2)) as f32;
+            let is_same = is_same_surface(&pixel, &seen.pixels.samples()[other]);
+            let weight = if is_same { 1.0 } else { OTHER_SURFACE } / distance2;
+            sum += Vec3::from(light.samples()[other]) * weight;
+            weights += weight;
         }
     }
     (weights > 0.0).then(|| sum / weights)
+}
+
+/// Set of the lit pixels, with one bit per pixel: few of the pixels around a pixel are lit.
+struct LitPixels {
+    width: usize,
+    /// Rows of bits. Each row begins with [`REACH`] zeros, and ends with at least as many.
+    words: Vec<u64>,
+    words_per_row: usize,
+}
+
+impl LitPixels {
+    fn none(width: usize, height: usize) -> Self {
+        // The last word is read together with the next one.
+        let words_per_row = (width + 2 * REACH).div_ceil(64) + 1;
+        Self { width, words: vec![0; words_per_row * height], words_per_row }
+    }
+
+    /// Adds the pixel `index` (raster order).
+    fn insert(&mut self, index: usize) {
+        let (bit, row) = (index % self.width + REACH, index / self.width);
+        self.words[row * self.words_per_row + bit / 64] |= 1 << (bit % 64);
+    }
+
+    /// Returns the mask of the lit pixels in the columns from `x` − [`REACH`] to `x` + [`REACH`] of `row`.
+    #[inline]
+    fn around(&self, x: usize, row: usize) -> u64 {
+        let word = row * self.words_per_row + x / 64;
+        let two = u128::from(self.words[word + 1]) << 64 | u128::from(self.words[word]);
+        (two >> (x % 64)) as u64 & ((1 << (2 * REACH + 1)) - 1)
+    }
 }
 
 fn is_same_surface(a: &PixelSurface, b: &PixelSurface) -> bool {
@@ -173,6 +206,22 @@ fn is_same_surface(a: &PixelSurface, b: &PixelSurface) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::hash;
+
+    #[test]
+    fn lit_pixels_around_a_pixel_are_those_in_reach() {
+        let (width, height) = (131, 3);
+        let is_lit = |x: usize, y: usize| hash(5, x as u64, y as u64) % 3 == 0;
+        let mut lit = LitPixels::none(width, height);
+        (0..width * height).filter(|k| is_lit(k % width, k / width)).for_each(|k| lit.insert(k));
+        for (x, y) in (0..width * height).map(|k| (k % width, k / width)) {
+            let bits = lit.around(x, y);
+            for column in 0..=2 * REACH {
+                let expected = (x + column).checked_sub(REACH).is_some_and(|u| u < width && is_lit(u, y));
+                assert_eq!(bits >> column & 1 == 1, expected, "{x} {y} {column}");
+            }
+        }
+    }
 
     #[test]
     fn the_largest_errors_come_first_and_lattices_before_them() {
