@@ -14,6 +14,7 @@ mod top_down;
 use glam::Vec3A;
 
 use crate::bounds::Cone;
+use crate::draw::Draws;
 use crate::light::{Emission, Fitness, Light, luminance};
 use crate::node::Node;
 use crate::race::arrivals;
@@ -156,6 +157,7 @@ impl LightTree {
             nodes: Vec::new(),
             extents: Vec::new(),
             sites: Sites::default(),
+            draws: Draws::default(),
             lights,
             geometry_term_bound: params.geometry_term_bound.max(SMALLEST_BOUND),
             depth: 0,
@@ -242,6 +244,7 @@ impl LightTree {
             self.nodes[index] = node;
         }
         self.sites = Sites::new(&self.nodes, &self.lights, self.seed);
+        self.draws = Draws::new(&self.nodes);
     }
 
     fn is_joint_by_lights(&self) -> bool {

@@ -23,8 +23,7 @@ mod walk;
 use glam::{Vec3, Vec4};
 
 use crate::error_bound::{ClusterBounds, error_bound};
-use crate::light::{Light, luminance};
-use crate::race::uniform;
+use crate::light::Light;
 use crate::receiver::Receiver;
 use crate::tree::LightTree;
 use best_first::Refined;
@@ -287,18 +286,7 @@ impl LightTree {
     /// If the cluster comes from a larger tree.
     #[must_use]
     pub fn redrawn(&self, cluster: Cluster, seed: u64) -> Cluster {
-        let mut index = cluster.node as usize;
-        let mut draw = uniform(seed, u64::from(cluster.node));
-        while !self.nodes[index].is_leaf() {
-            let first = self.nodes[index].children();
-            let [a, b] = [first, first + 1].map(|child| f64::from(luminance(self.nodes[child].intensity)));
-            // If both children are dark, draw each with a probability of ½.
-            let share = if a + b > 0.0 { a / (a + b) } else { 0.5 };
-            // Rescale the random number at each step.
-            (index, draw) =
-                if draw < share { (first, draw / share) } else { (first + 1, (draw - share) / (1.0 - share)) };
-        }
-        Cluster { light: self.nodes[index].representative, ..cluster }
+        Cluster { light: self.draws.light(cluster.node, seed), ..cluster }
     }
 
     /// Returns the indices of the lights of a cluster.

@@ -7,6 +7,7 @@ mod bounds; // bounds of a cluster: box and cone
 mod build;
 mod calibration; // ratio of bounds to thresholds
 mod cut; // the lightcut
+mod draw; // random draws of lights
 mod error_bound; // error bound of a cluster
 mod exhaustive; // reference: the sum over all lights
 mod gradient; // gradients of irradiance over position and normal

@@ -4,6 +4,7 @@
 //! "LTRE"  version (u32)  length of the body (u64)  CRC-32 of the body (u32)  body (bincode)     all little-endian
 //! ```
 
+use crate::draw::Draws;
 use crate::light::Light;
 use crate::node::Node;
 use crate::sites::Sites;
@@ -62,12 +63,14 @@ impl TryFrom<Stored> for LightTree {
     fn try_from(stored: Stored) -> Result<Self, InvalidTree> {
         let Stored { nodes, lights, geometry_term_bound, extents, depth, cost_at_build, misplaced, rejected, seed } =
             stored;
-        // Recompute the sites, which the file does not contain.
+        // Recompute the values that the file does not contain.
         let sites = Sites::new(&nodes, &lights, seed);
+        let draws = Draws::new(&nodes);
         let tree = Self {
             nodes,
             lights,
             sites,
+            draws,
             geometry_term_bound,
             extents,
             depth,

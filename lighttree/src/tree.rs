@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use crate::draw::Draws;
 use crate::light::Light;
 use crate::node::Node;
 use crate::sites::Sites;
@@ -21,6 +22,9 @@ pub struct LightTree {
     /// Positions and axes of the clusters' representatives, derived from `nodes` and `lights`.
     #[cfg_attr(feature = "serde", serde(skip))]
     pub(crate) sites: Sites,
+    /// Luminance and children of the nodes, derived from `nodes`.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub(crate) draws: Draws,
     /// s² of the geometry term G \[m²\], see [`BuildParams`](crate::BuildParams).
     pub(crate) geometry_term_bound: f32,
     /// Cost of each node per luminance \[m²\]. It depends only on positions and axes.

@@ -12,6 +12,7 @@
 
 use glam::Vec3;
 
+use crate::draw::Draws;
 use crate::light::{accepted_intensity, luminance};
 use crate::node::{Node, sibling};
 use crate::race::arrivals;
@@ -118,6 +119,7 @@ impl LightTree {
             }
             self.nodes[index] = node;
         }
+        self.draws = Draws::new(&self.nodes);
         // A tree of n lights has n − 1 inner nodes.
         let inner = self.lights.len().saturating_sub(1).max(1);
         stats.swapped_share = stats.swapped as f64 / inner as f64;
