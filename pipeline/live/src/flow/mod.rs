@@ -8,6 +8,7 @@
 //!        B ← B · clamp(b D / (B d), ½, 0.95)  d > D                b  bits of the picture
 //!
 //! quantiser q = c / B                       c = mean of b · q over pictures of the same kind
+//! code again with a coarser quantiser if b > 1.5 B
 //! ```
 //! The excess contains the time on the line and in queues, so B approaches the bits that the line carries in D. The
 //! state machine has no clock: callers pass the time since any fixed moment.
@@ -39,6 +40,8 @@ const BEGIN: f64 = 64_000.0;
 const BUDGETS: (f64, f64) = (1_000.0, 8e6);
 /// Multiple of the budget for an I picture, which costs more bits than others and is rare.
 const INTRA: f64 = 3.0;
+/// Multiple of the budget that a picture may cost. A line delays a more costly picture, and all pictures after it.
+const MOST: f64 = 1.5;
 /// Fraction by which the shortest round trip approaches a longer one, so that changes of the route are noticed.
 const FORGETTING: f64 = 1e-4;
 
@@ -130,9 +133,20 @@ impl Flow {
     /// Returns the quantiser_scale for the next picture of a `kind`, no finer than `finest`.
     #[must_use]
     pub fn quantiser(&self, kind: PictureKind, finest: u32) -> u32 {
-        let budget = self.budget() * if kind == PictureKind::Intra { INTRA } else { 1.0 };
-        let quantiser = self.complexities.of(kind).map_or(8.0, |complexity| complexity / budget);
+        let quantiser = self.complexities.of(kind).map_or(8.0, |complexity| complexity / self.budget_of(kind));
         nearest_quantiser(quantiser.max(finest.into())).min(COARSEST)
+    }
+
+    /// Returns the maximum size of the next picture of a `kind` \[bits\]: a more costly one should be coded again with a
+    /// coarser quantiser. Pictures of a static view have no maximum.
+    #[must_use]
+    pub fn most_bits(&self, kind: PictureKind) -> Option<u64> {
+        (kind != PictureKind::Resting).then(|| (MOST * self.budget_of(kind)) as u64)
+    }
+
+    /// Returns the budget of a picture of a `kind` \[bits\].
+    fn budget_of(&self, kind: PictureKind) -> f64 {
+        self.budget() * if kind == PictureKind::Intra { INTRA } else { 1.0 }
     }
 
     /// Returns the budget of a picture \[bits\].

@@ -73,13 +73,17 @@ pub struct PictureRequest {
     pub is_fresh: bool,
     /// Maximum fraction of the pixels for which each layer of light is computed; `None` for all that need it.
     pub budget: Option<f32>,
+    /// Maximum size of the coded picture \[bits\]; `None` for any. A larger picture is coded again with a coarser
+    /// quantiser, unless it has the coarsest.
+    pub most_bits: Option<u64>,
 }
 
 impl PictureRequest {
     /// Returns a request for a plain picture of `moment`.
     #[must_use]
     pub fn new(moment: Moment, quantiser_scale: u32) -> Self {
-        Self { moment, quantiser_scale, detail: Detail::Plain, is_intra: false, is_fresh: false, budget: None }
+        let detail = Detail::Plain;
+        Self { moment, quantiser_scale, detail, is_intra: false, is_fresh: false, budget: None, most_bits: None }
     }
 }
 
@@ -197,7 +201,7 @@ impl<'a> LiveLoop<'a> {
         request: PictureRequest,
         stop: &Arc<AtomicBool>,
     ) -> LiveResult<Option<LivePicture>> {
-        let PictureRequest { moment, quantiser_scale, detail, is_intra, is_fresh, budget } = request;
+        let PictureRequest { moment, quantiser_scale, detail, is_intra, is_fresh, budget, most_bits } = request;
         // Frame 0 has the lights of the film's first frame, so begin with frame 1 at any other time.
         let is_first = self.index == 0;
         if is_first && moment.time != self.begin {
@@ -242,7 +246,7 @@ impl<'a> LiveLoop<'a> {
         let shown = self.display.show(if is_first { 0 } else { index }, &shaded);
         let is_shown = process_seconds();
         let displayed = Displayed { index, correspondence: known, ..shown };
-        let coded = self.video.code(&displayed, quantiser_scale, is_intra)?;
+        let coded = self.video.code(&displayed, quantiser_scale, is_intra, most_bits)?;
         let is_coded = process_seconds();
 
         // Derive the thresholds of the next picture from the coding of this one.

@@ -1,5 +1,6 @@
 //! Encoder of pictures on demand: I and P pictures without delay, each with its own quantiser.
 
+use super::ladder::{COARSEST, nearest_quantiser};
 use crate::error::LiveResult;
 use mpeg2enc::{Config, Encoder, Packet, PictureType, Rate, SuppliedMotion};
 use pipeline::stage::{Coding, Displayed};
@@ -51,16 +52,29 @@ impl LiveVideo {
         &self.config
     }
 
-    /// Codes the next picture.
-    pub fn code(&mut self, displayed: &Displayed, quantiser_scale: u32, is_intra: bool) -> LiveResult<CodedLive> {
+    /// Codes the next picture. A picture of more than `most_bits` is coded again with a coarser quantiser.
+    pub fn code(
+        &mut self,
+        displayed: &Displayed,
+        mut quantiser_scale: u32,
+        is_intra: bool,
+        most_bits: Option<u64>,
+    ) -> LiveResult<CodedLive> {
         // An I picture on request begins a new encoder, whose first picture needs no reference.
         if is_intra && self.next > self.first {
             self.begin_at(self.next)?;
         }
-        self.encoder.set_quantiser_scale(quantiser_scale).map_err(render2mpeg::Error::from)?;
-        let motion = SuppliedMotion { to_previous: displayed.correspondence.as_deref(), to_next: None };
-        let packets = self.encoder.push(&displayed.picture.picture, motion);
-        let mut packet = packets.into_iter().next().expect("an encoder without look-ahead codes each picture at once");
+        let (before, most) = (most_bits.map(|_| self.encoder.state().clone()), most_bits.unwrap_or(u64::MAX));
+        let mut packet = self.coded(displayed, quantiser_scale)?;
+        while packet.bits > most && quantiser_scale < COARSEST {
+            // Bits are about inversely proportional to the quantiser.
+            let needed = f64::from(quantiser_scale) * packet.bits as f64 / most as f64;
+            quantiser_scale = nearest_quantiser(needed.max(f64::from(quantiser_scale + 1)));
+            if let Some(before) = &before {
+                self.encoder.restore(before.clone()).expect("the state is of this encoder");
+            }
+            packet = self.coded(displayed, quantiser_scale)?;
+        }
 
         // Number pictures in the stream, across encoders.
         packet.display_index += self.first;
@@ -71,5 +85,13 @@ impl LiveVideo {
             ..Coding::of_quantiser(quantiser_scale as f32)
         };
         Ok(CodedLive { packet, coding })
+    }
+
+    /// Codes a picture with the encoder.
+    fn coded(&mut self, displayed: &Displayed, quantiser_scale: u32) -> LiveResult<Packet> {
+        self.encoder.set_quantiser_scale(quantiser_scale).map_err(render2mpeg::Error::from)?;
+        let motion = SuppliedMotion { to_previous: displayed.correspondence.as_deref(), to_next: None };
+        let packets = self.encoder.push(&displayed.picture.picture, motion);
+        Ok(packets.into_iter().next().expect("an encoder without look-ahead codes each picture at once"))
     }
 }

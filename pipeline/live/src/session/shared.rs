@@ -361,7 +361,8 @@ impl SessionState {
                 // Moving objects change light, so that reprojected light would be wrong.
                 let is_limited = is_moving && !self.stage.is_playing();
                 let budget = is_limited.then(|| self.budget.in_motion());
-                PictureRequest { detail, is_intra, budget, ..PictureRequest::new(moment, quantiser_scale) }
+                let most_bits = flow.most_bits(kind);
+                PictureRequest { detail, is_intra, budget, most_bits, ..PictureRequest::new(moment, quantiser_scale) }
             }
         };
         self.due = now + Duration::from_secs_f64(1.0 / self.settings.pictures_per_second);

@@ -65,6 +65,38 @@ impl Page {
     }
 }
 
+/// A picture above its maximum is coded again. The stream continues as if it had been coded once, with the quantiser that
+/// the picture has.
+#[test]
+fn large_pictures_are_coded_again_with_a_coarser_quantiser() {
+    let (scene, settings) = cornell();
+    let plans = LivePlans::new(&scene, &settings);
+    let mut page = Page::default();
+    let (mut limited, mut plain) = (Vec::new(), Vec::new());
+    let mut live = LiveLoop::new(&scene, &settings, &plans).unwrap();
+    for step in 0..4 {
+        let request = PictureRequest::new(moment(&scene, &settings, 2 * step), 2);
+        let most_bits = [None, Some(6_000), Some(4_000), Some(1)][step as usize];
+        let picture = live.picture(PictureRequest { most_bits, ..request }).unwrap();
+        assert_eq!(&page.show(&picture), picture.packet.reconstruction.luma());
+        assert_eq!(picture.packet.display_index, u64::from(step));
+        limited.push(picture.packet);
+    }
+    let mut live = LiveLoop::new(&scene, &settings, &plans).unwrap();
+    for step in 0..4 {
+        let quantiser = limited[step as usize].quantiser_scale;
+        let request = PictureRequest::new(moment(&scene, &settings, 2 * step), quantiser);
+        plain.push(live.picture(request).unwrap().packet);
+    }
+    let quantisers: Vec<u32> = limited.iter().map(|packet| packet.quantiser_scale).collect();
+    assert!(quantisers[0] == 2 && quantisers[1] > 2 && quantisers[2] > 2 && quantisers[3] == 112, "{quantisers:?}");
+    assert!(limited[1].bits <= 6_000 && limited[2].bits <= 4_000, "{} {}", limited[1].bits, limited[2].bits);
+    // Light of the first two pictures has the same thresholds, so that these have the same bytes.
+    for (limited, plain) in limited.iter().zip(&plain).take(2) {
+        assert_eq!(limited.data, plain.data);
+    }
+}
+
 #[test]
 fn a_walk_has_exact_motion_and_rests_at_the_quality_of_a_film() {
     let (scene, settings) = cornell();
