@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn lit_pixels_around_a_pixel_are_those_in_reach() {
         let (width, height) = (131, 3);
-        let is_lit = |x: usize, y: usize| hash(5, x as u64, y as u64) % 3 == 0;
+        let is_lit = |x: usize, y: usize| hash(5, x as u64, y as u64).is_multiple_of(3);
         let mut lit = LitPixels::none(width, height);
         (0..width * height).filter(|k| is_lit(k % width, k / width)).for_each(|k| lit.insert(k));
         for (x, y) in (0..width * height).map(|k| (k % width, k / width)) {

@@ -86,7 +86,8 @@ impl WideNode {
         &self,
         bits: u32,
         near: &[f32; LANES],
-        (stack, top): (&mut Stack<Unvisited>, &mut usize),
+        stack: &mut Stack<Unvisited>,
+        top: &mut usize,
     ) -> Option<Unvisited> {
         if bits == 0 {
             return None;
@@ -149,7 +150,7 @@ impl Tree {
             let mut next = loop {
                 let node = &self.nodes[at];
                 let (bits, near) = ray.meet(node, within);
-                let next = match node.entered(bits, &lanes.store(near), (&mut stack, &mut top)) {
+                let next = match node.entered(bits, &lanes.store(near), &mut stack, &mut top) {
                     Some(nearest) => nearest,
                     None => match pop_within(&mut stack, &mut top, limit) {
                         Some(next) => next,
