@@ -12,7 +12,7 @@ use render2mpeg::settings::unknown_ending;
 use renderer::settings::RenderSettings;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{self, Receiver, Sender, TryRecvError};
+use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -85,8 +85,8 @@ impl Studio {
         Self { session, recording: Arc::new(Mutex::new(recording)), threads: None }
     }
 
-    /// Renders pictures until the session ends. Blocks the thread. At the end, the recording is complete; another
-    /// thread may still compute a picture or the light of the scene, which nobody receives.
+    /// Renders pictures until the session ends. Blocks the thread. At the end, the recording is complete; other
+    /// threads may still compute a picture or the light of the scene, which nobody receives.
     ///
     /// # Errors
     /// If the encoder does not support the settings, or the recording cannot be written. The session then ends.
@@ -98,6 +98,22 @@ impl Studio {
     }
 
     fn render(&self, scene: &Arc<Scene>, settings: &Settings) -> LiveResult<()> {
+        // Wait for the end of the session, without waiting for any light.
+        let (failed, failures) = mpsc::channel();
+        let (scene, settings) = (scene.clone(), settings.clone());
+        let first = self.on(None);
+        start(Ending::new(&self.session, failed), move |ending| first.begin(&scene, &settings, ending))?;
+        self.session.wait_for_end();
+        failures.try_recv().map_or(Ok(()), Err)
+    }
+
+    /// Returns a renderer of the same session on other `threads`.
+    fn on(&self, threads: Option<ThreadPool>) -> Self {
+        Self { session: self.session.clone(), recording: self.recording.clone(), threads }
+    }
+
+    /// Renders with direct light until another thread has made the light of the scene.
+    fn begin(&self, scene: &Arc<Scene>, settings: &Settings, ending: &Ending) -> LiveResult<()> {
         // Light the first view with direct light before all other work: viewers wait for it.
         let begin = Instant::now();
         let direct = with_direct_light(settings);
@@ -106,11 +122,16 @@ impl Studio {
         live.permit_first_error(FIRST_ERROR);
         live.picture(PictureRequest::new(self.session.moment(), WARM_QUANTISER))?;
         live.continue_after(0)?;
+        if self.session.has_ended() {
+            return Ok(());
+        }
 
         // Make the light of the scene on another thread, which then renders the pictures.
         let is_ready = Arc::new(AtomicBool::new(false));
         let (hand_over, orders) = mpsc::channel();
-        let results = self.start_all_light(scene, settings, is_ready.clone(), orders)?;
+        let lit = LitStudio { studio: self.on(Some(further_threads()?)), is_ready: is_ready.clone(), orders };
+        let (lit_scene, lit_settings) = (scene.clone(), settings.clone());
+        start(ending.another(), move |_| lit.run(&lit_scene, &lit_settings))?;
 
         // Show direct light if that takes long.
         let is_ready = || is_ready.load(Ordering::Acquire);
@@ -118,42 +139,8 @@ impl Studio {
             std::thread::sleep(Duration::from_millis(5));
         }
         let first = if is_ready() { None } else { self.serve(&mut live, is_ready)? };
-
-        // Wait for the end of the session, without waiting for the other thread.
-        let pictures = live.pictures();
-        drop(live);
-        let _ = hand_over.send(first.map(|order| (order, pictures)));
-        self.session.wait_for_end();
-        match results.try_recv() {
-            Ok(result) => result,
-            Err(TryRecvError::Empty) => Ok(()),
-            Err(TryRecvError::Disconnected) => Err(LiveError::Light),
-        }
-    }
-
-    /// Starts the thread that computes all light, then sets `is_ready`, and renders pictures from the message of
-    /// `orders` on. Returns the receiver of its result.
-    fn start_all_light(
-        &self,
-        scene: &Arc<Scene>,
-        settings: &Settings,
-        is_ready: Arc<AtomicBool>,
-        orders: Receiver<Option<Handover>>,
-    ) -> LiveResult<Receiver<LiveResult<()>>> {
-        let (done, results) = mpsc::channel();
-        let threads = Some(further_threads()?);
-        let studio = Self { session: self.session.clone(), recording: self.recording.clone(), threads };
-        let lit = LitStudio { studio, is_ready, orders };
-        let (scene, settings) = (scene.clone(), settings.clone());
-        let work = move || {
-            // The session also ends if this thread panics.
-            let ending = Ending { session: lit.studio.session.clone(), done: Some(done) };
-            let result = lit.run(&scene, &settings);
-            let _ = ending.done.as_ref().map(|done| done.send(result));
-        };
-        let started = std::thread::Builder::new().name("live".into()).spawn(work);
-        started.map_err(|source| LiveError::System { what: "a thread", source })?;
-        Ok(results)
+        let _ = hand_over.send(first.map(|order| (order, live.pictures())));
+        Ok(())
     }
 
     /// Renders ordered pictures until the session ends. Returns an order that another loop should take, because `ends`
@@ -221,17 +208,47 @@ impl LitStudio {
     }
 }
 
-/// Ends a session when dropped, after the channel of its result.
+/// Ends the session of a thread that fails or panics, after it has sent the error.
 struct Ending {
     session: Arc<Session>,
-    done: Option<Sender<LiveResult<()>>>,
+    failed: Sender<LiveError>,
+    /// Error of the thread; `None` if it has succeeded.
+    error: Option<LiveError>,
+}
+
+impl Ending {
+    fn new(session: &Arc<Session>, failed: Sender<LiveError>) -> Self {
+        Self { session: session.clone(), failed, error: Some(LiveError::Light) }
+    }
+
+    /// Notes the result of the thread.
+    fn note(&mut self, result: LiveResult<()>) {
+        self.error = result.err();
+    }
+
+    /// Returns the same for another thread.
+    fn another(&self) -> Self {
+        Self::new(&self.session, self.failed.clone())
+    }
 }
 
 impl Drop for Ending {
     fn drop(&mut self) {
-        self.done = None;
-        self.session.end();
+        if let Some(error) = self.error.take() {
+            let _ = self.failed.send(error);
+            self.session.end();
+        }
     }
+}
+
+/// Starts a thread with `work`, which nobody waits for.
+fn start(mut ending: Ending, work: impl FnOnce(&Ending) -> LiveResult<()> + Send + 'static) -> LiveResult<()> {
+    let work = move || {
+        let result = work(&ending);
+        ending.note(result);
+    };
+    let started = std::thread::Builder::new().name("live".into()).spawn(work);
+    started.map(drop).map_err(|source| LiveError::System { what: "a thread", source })
 }
 
 /// Returns as many threads as the process has for its loops. Jobs of long work would delay pictures on the same threads.
